@@ -31,8 +31,9 @@ class Time:
 
 
 def car(clock: Time) -> Car:
-    """The car of an actuator without a bus."""
-    return Car(load(CONFIG_DIR / "vehicle.yaml", Vehicle), None, clock)
+    """The car of an actuator without a bus; its wheels turn as far as the calibration says."""
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    return Car(vehicle.model_copy(update={"max_road_wheel_angle_rad": STEERING["left_rad"]}), None, clock)
 
 
 def pca(path: Path, **changed: Any) -> PcaSettings:

@@ -119,7 +119,22 @@ def test_a_running_drive_takes_a_new_calibration_over(mine, tmp_path) -> None:
         drive_on(actuator, clock)
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=4.1)
         assert "neutral_us" in dict(actuator.values())["calibration"]
+        write(mine, "pca9685", {"throttle.neutral_us": THROTTLE["neutral_us"], "steering.left_rad": 0.35})
+        drive_on(actuator, clock)
+        assert ":10:5: pca9685.steering.left_rad: 0.35 rad is" in dict(actuator.values())["calibration"]
         actuator.close()
+
+
+def test_an_angle_smaller_than_that_of_the_vehicle_file_is_written_with_a_warning(
+    mine, monkeypatch, capsys
+) -> None:
+    (mine / "vehicle.yaml").write_text("max_road_wheel_angle_rad: 0.45\n")
+    assert calibrate(monkeypatch, "--file-only", "--left-deg", "20") == 0
+    assert settings_of("pca9685").steering.left_rad == pytest.approx(0.3491)
+    said = capsys.readouterr().err
+    assert "warning" in said and "set max_road_wheel_angle_rad to 0.3491" in said
+    assert calibrate(monkeypatch, "--file-only", "--left-deg", "25") == 0
+    assert capsys.readouterr().err == ""
 
 
 def test_keys_move_in_small_steps_within_the_hard_ends_and_record() -> None:

@@ -90,6 +90,29 @@ def test_an_unknown_speed_does_not_drive(tmp_path) -> None:
         PcaActuator(pca(tmp_path / "i2c", yaw_rate="none"), car(Time()))
 
 
+@pytest.mark.parametrize("side", ["left_rad", "right_rad"])
+def test_wheels_that_turn_less_than_the_vehicle_file_says_do_not_start(tmp_path, side) -> None:
+    settings = pca(tmp_path / "i2c", steering={**STEERING, side: 0.35})
+    fault = rf"actuator\.yaml:\d+:\d+: pca9685\.steering\.{side}: 0\.35 rad.*to 0\.35"
+    with pytest.raises(InputError, match=fault):
+        PcaActuator(settings, car(Time()))
+
+
+@pytest.mark.parametrize("lack_rad", [0.0, 0.029])
+def test_the_end_of_the_steering_is_not_taken_for_a_driver(tmp_path, lack_rad) -> None:
+    clock = Time()
+    lock_rad = STEERING["left_rad"] - lack_rad
+    settings = pca(tmp_path / "i2c", steering={**STEERING, "left_rad": lock_rad})
+    with chip_on(tmp_path / "i2c"):
+        actuator = PcaActuator(settings, car(clock))
+        wire, node = Wire(actuator, "pca9685"), ActuatorStep(build_limiter(car(clock).vehicle))
+        looped(wire, node, clock, 200, 0.5)
+        looped(wire, node, clock, 600, 0.0, STEERING["left_rad"])
+        state = actuator.read(now_s=clock.now_s)
+        assert (state.road_wheel_angle_rad, node._limiter.handed_over) == (lock_rad, False)
+        actuator.close()
+
+
 def test_an_absent_chip_is_one_line_with_the_remedy(tmp_path) -> None:
     with pytest.raises(InputError, match=r"i2c, address 0x40: cannot be opened: No such file.*i2cdetect"):
         PcaActuator(pca(tmp_path / "i2c"), car(Time()))
@@ -238,12 +261,14 @@ def test_both_protocols_carry_the_pulses(tmp_path, protocol) -> None:
     assert there.board.errors == 0
 
 
-def looped(wire: Wire, node: ActuatorStep, clock: Time, turns: int, accel_mps2: float) -> None:
+def looped(
+    wire: Wire, node: ActuatorStep, clock: Time, turns: int, accel_mps2: float, angle_rad: float = 0.0
+) -> None:
     """Turns of the actuator process with fresh commands."""
     for _ in range(turns):
         clock.now_s += 0.01
         failures, state = wire.failures, wire.read(clock.now_s)
-        order = replace(command(0.0, accel_mps2), t_s=clock.now_s)
+        order = replace(command(angle_rad, accel_mps2), t_s=clock.now_s)
         failed = wire.failures > failures
         applied = node.step(order, clock.now_s, state, stop=failed, now_s=clock.now_s)
         if applied.command is not None:

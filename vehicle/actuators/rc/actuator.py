@@ -13,7 +13,9 @@ import time
 from collections.abc import Mapping
 from typing import ClassVar, Protocol
 
-from trepid.config import InputError, texts
+from controller.limiter import Limits
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, InputError, load, place, read, texts
 from trepid.messages import Command, VehicleState
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.rc.guard import Guard
@@ -54,8 +56,8 @@ class Board(Protocol):
 class Calibration:
     """The pulses of the settings file, read again when it changes."""
 
-    def __init__(self, name: str, settings: RcSettings) -> None:
-        self._name = name
+    def __init__(self, name: str, settings: RcSettings, vehicle: Vehicle) -> None:
+        self._name, self._vehicle = name, vehicle
         self.steering, self.throttle = settings.steering, settings.throttle
         self.refused = ""
         """The fault of the newest file; "" without one."""
@@ -69,15 +71,15 @@ class Calibration:
                 return
             self._written = written
             name, settings = configured()
+            if name != self._name or not isinstance(settings, RcSettings):
+                raise InputError(f"actuator.yaml names {name!r} now")
+            if _fixed(settings.steering, settings.throttle) != _fixed(self.steering, self.throttle):
+                raise InputError("other channels or another neutral_us count from the next start on")
+            require_reach(name, settings.steering, self._vehicle)
         except InputError as error:
             self.refused = str(error)
             return
-        if name != self._name or not isinstance(settings, RcSettings):
-            self.refused = f"actuator.yaml names {name!r} now"
-        elif _fixed(settings.steering, settings.throttle) != _fixed(self.steering, self.throttle):
-            self.refused = "other channels or another neutral_us count from the next start on"
-        else:
-            self.steering, self.throttle, self.refused = settings.steering, settings.throttle, ""
+        self.steering, self.throttle, self.refused = settings.steering, settings.throttle, ""
 
 
 def _fixed(steering: Steering, throttle: Throttle) -> tuple[int, int, float]:
@@ -89,11 +91,12 @@ class RcActuator:
     """A board, its calibration, and the speed that the car has or should have."""
 
     def __init__(self, name: str, settings: RcSettings, car: Car) -> None:
-        """Open the board. Raises InputError when it does not answer or speed or yaw rate have no source."""
+        """Open the board. Raises InputError when it does not answer, and for settings that cannot drive ``car``."""
         _require_sources(name, settings)
+        require_reach(name, settings.steering, car.vehicle)
         self._board = open_board(settings)
         self._source = settings.speed
-        self._calibration = Calibration(name, settings)
+        self._calibration = Calibration(name, settings, car.vehicle)
         self._motion = Motion(settings.speed_lag_s)
         self._vehicle = car.vehicle
         self._models_yaw = settings.yaw_rate == "modelled"
@@ -265,6 +268,20 @@ class SerialActuator(RcActuator):
 
     def __init__(self, settings: SerialSettings, car: Car) -> None:
         super().__init__("serial", settings, car)
+
+
+def require_reach(name: str, steering: Steering, vehicle: Vehicle) -> None:
+    """Raise InputError where the wheels stay so far behind a demand that the limiter takes it for a driver."""
+    most_rad = vehicle.max_road_wheel_angle_rad
+    hold_rad = load(CONFIG_DIR / "limiter.yaml", Limits).override.angle_rad
+    reach_rad, side = min((steering.left_rad, "left_rad"), (steering.right_rad, "right_rad"))
+    if reach_rad + hold_rad < most_rad:
+        raise InputError(
+            f"{place(read(FILE), [name, 'steering', side], FILE)}: {name}.steering.{side}: {reach_rad:g} rad is "
+            f"less than max_road_wheel_angle_rad of vehicle.yaml, {most_rad:g}, by more than override.angle_rad "
+            f"of limiter.yaml, {hold_rad:g}: the limiter would take the end of the steering for a driver who "
+            f"holds the wheels; set max_road_wheel_angle_rad to {reach_rad:g}"
+        )
 
 
 def _require_sources(name: str, settings: RcSettings) -> None:

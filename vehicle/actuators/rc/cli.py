@@ -15,10 +15,11 @@ from typing import Annotated, Any
 
 import typer
 
+from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
-from trepid.config import InputError, car_folder
+from trepid.config import CONFIG_DIR, InputError, car_folder, load
 from vehicle.actuators.rc import calibration_file
-from vehicle.actuators.rc.actuator import Board, open_board
+from vehicle.actuators.rc.actuator import Board, open_board, require_reach
 from vehicle.actuators.rc.session import HELP, Session
 from vehicle.actuators.rc.settings import RcSettings
 
@@ -79,6 +80,7 @@ def steering(
         }
     )
     settings = calibration_file.settings_of(name, changes)
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     if not changes and file_only:
         raise InputError("--file-only needs values, such as --centre 1490")
     if not changes:
@@ -87,6 +89,10 @@ def steering(
         _show(settings, [changes[key] for key in changes if key.startswith("steering.") and "_us" in key])
     if changes:
         path = calibration_file.write(folder, name, changes)
+        try:
+            require_reach(name, calibration_file.settings_of(name).steering, vehicle)
+        except InputError as error:
+            print(f"trepid: warning: {error}", file=sys.stderr)
         print(json.dumps({"file": str(path), "board": name, **changes}) if as_json else f"{path}: written")
     elif as_json:
         print(json.dumps({"file": None, "board": name}))
