@@ -9,7 +9,8 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from trepid.config import InputError, Settings, wrong_at
+from controller.limiter import Limits
+from trepid.config import CONFIG_DIR, InputError, Settings, load, wrong_at
 from trepid.messages import Command, Odometry, VehicleState
 from trepid.topics import FIXED, Topic
 from trepid.types import Positive
@@ -52,6 +53,7 @@ class AckermannActuator:
         kind: Any = Odometry if settings.state == "odometry" else VehicleState
         self._report = car.bus.latest(Topic(settings.state_topic, kind, RATE_HZ))
         self._send = car.bus.publisher(Topic(settings.command_topic, Command, RATE_HZ))
+        self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
         self._last: Command | None = None
 
     def read(self, *, now_s: float) -> VehicleState | None:
@@ -67,8 +69,14 @@ class AckermannActuator:
             return None
         state = report if isinstance(report, VehicleState) else _state(report)
         if self._settings.wheel_angle == "commanded":
-            return replace(state, road_wheel_angle_rad=self._last.road_wheel_angle_rad if self._last else 0.0)
+            return replace(state, road_wheel_angle_rad=self._commanded_rad(state.speed_mps))
         return state
+
+    def _commanded_rad(self, speed_mps: float | None) -> float | None:
+        """The angle of the last command; before it 0 for a car that stands, and None for one that rolls."""
+        if self._last is not None:
+            return self._last.road_wheel_angle_rad
+        return 0.0 if speed_mps is not None and abs(speed_mps) <= self._standstill_mps else None
 
     def write(self, command: Command, *, now_s: float) -> None:
         """Publish ``command``."""

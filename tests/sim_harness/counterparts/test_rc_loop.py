@@ -16,6 +16,7 @@ from vehicle.actuators.node import ActuatorStep
 from vehicle.actuators.rc.actuator import PcaActuator, RcActuator, SerialActuator
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+STARTING = 170  # steps until a modelled speed is known, and a few more
 SCENARIO = Scenario.model_validate(dict(description="", tags=["nominal"], road="straight", duration_s=60.0))
 
 
@@ -84,14 +85,14 @@ def loop(request, tmp_path) -> Iterator[Loop]:
 
 
 def test_the_car_reaches_the_speed_that_the_commands_add_up_to(loop) -> None:
-    loop.steps(20, 0.0, 0.0)
+    loop.steps(STARTING, 0.0, 0.0)
     loop.steps(200, 0.0, 1.0)
     assert loop.speed_mps == pytest.approx(2.0, abs=0.4)  # 1 m/s² for 2 s, less the lags
     assert abs(loop.truth.lateral_offset_m) < 0.01
 
 
 def test_the_car_turns_to_the_side_of_the_command(loop) -> None:
-    loop.steps(20, 0.0, 0.0)
+    loop.steps(STARTING, 0.0, 0.0)
     loop.steps(200, 0.0, 1.0)
     loop.steps(100, 0.1, 0.0)
     assert loop.truth.heading_error_rad > 0.02
@@ -99,7 +100,7 @@ def test_the_car_turns_to_the_side_of_the_command(loop) -> None:
 
 
 def test_the_limiter_stops_the_car_when_the_controller_is_silent(loop) -> None:
-    loop.steps(20, 0.0, 0.0)
+    loop.steps(STARTING, 0.0, 0.0)
     loop.steps(200, 0.0, 1.0)
     loop.steps(300)
     assert loop.speed_mps < 0.05

@@ -62,13 +62,17 @@ def test_an_odometry_gives_speed_and_yaw_rate_and_the_angle_is_that_of_the_last_
     ours, theirs = buses
     actuator = actuator_on(ours, state="odometry", wheel_angle="commanded")
     report = theirs.publisher(Topic("actuator/state", Odometry, 100))
+
+    def reported(speed_mps):
+        report(Odometry(t_s=4.0, speed_mps=speed_mps, yaw_rate_radps=-0.3))
+        state = actuator.read(now_s=CLOCK())
+        return state and state.speed_mps == speed_mps
+
+    assert until(lambda: reported(0.0), patience_s=20)
+    assert actuator.read(now_s=CLOCK()).road_wheel_angle_rad == 0.0
+    assert until(lambda: reported(2.5), patience_s=20)
+    assert actuator.read(now_s=CLOCK()).road_wheel_angle_rad is None  # of a car that rolls it is not known
     actuator.write(can_rig.command(0.2), now_s=CLOCK())
-
-    def reported():
-        report(Odometry(t_s=4.0, speed_mps=2.5, yaw_rate_radps=-0.3))
-        return actuator.read(now_s=CLOCK())
-
-    assert until(reported, patience_s=20)
     state = actuator.read(now_s=CLOCK())
     assert (state.speed_mps, state.yaw_rate_radps, state.road_wheel_angle_rad) == (2.5, -0.3, 0.2)
 

@@ -32,6 +32,7 @@ from vehicle.actuators.node import ActuatorStep, Wire
 from vehicle.actuators.rc.actuator import BRAKE_FROM_MPS2, PcaActuator, SerialActuator
 from vehicle.actuators.rc.guard import Guard
 from vehicle.actuators.rc.motion import LEAD_MPS, Motion
+from vehicle.actuators.rc.pca9685 import LED0_ON_L
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 COUNT_US = 1e6 / 60 / 4096
@@ -135,6 +136,42 @@ def test_a_chip_that_lost_its_power_is_reported_once_and_set_up_again(tmp_path) 
         actuator.close()
 
 
+def test_an_actuator_that_starts_again_in_a_bend_leaves_the_wheels(tmp_path) -> None:
+    clock = Time()
+    with chip_on(tmp_path / "i2c") as chip:
+        first = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        drive(first, clock, 1.0, 2.0, angle_rad=0.3)
+        held_us = chip.pulse_us(STEERING_CHANNEL)
+        first._board.close()  # the end of a killed process
+        second = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        assert chip.pulse_us(STEERING_CHANNEL) == held_us
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
+        wire, node = Wire(second, "pca9685"), ActuatorStep(build_limiter(VEHICLE))
+        looped(wire, node, clock, 100, 1.0)
+        state = wire.read(clock.now_s)
+        assert (state.speed_mps, state.yaw_rate_radps) == (None, None)
+        assert state.road_wheel_angle_rad == pytest.approx(0.3, abs=0.005)
+        assert chip.pulse_us(STEERING_CHANNEL) == held_us
+        looped(wire, node, clock, 51, 1.0)
+        assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(held_us, abs=20.0)
+        looped(wire, node, clock, 100, 1.0)
+        assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(STEERING["centre_us"], abs=COUNT_US)
+        assert wire.read(clock.now_s).speed_mps > 0.5
+        second.close()
+
+
+def test_a_chip_that_holds_a_pulse_beyond_the_hard_ends_begins_at_the_centre(tmp_path) -> None:
+    clock = Time()
+    with chip_on(tmp_path / "i2c") as chip:
+        PcaActuator(pca(tmp_path / "i2c"), car(clock)).close()
+        chip.write(bytes([LED0_ON_L + 4 * STEERING_CHANNEL, 0, 0, 0xFF, 0x01]))
+        assert chip.pulse_us(STEERING_CHANNEL) > STEERING["most_us"] + 50
+        actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(STEERING["centre_us"], abs=COUNT_US)
+        assert actuator.read(now_s=clock.now_s).road_wheel_angle_rad == pytest.approx(0.0, abs=0.005)
+        actuator.close()
+
+
 @pytest.mark.parametrize("how", ["SIGKILL", "SIGSTOP"])
 def test_the_guard_stops_a_car_whose_actuator_process_is_killed_or_frozen(tmp_path, how) -> None:
     with chip_on(tmp_path / "i2c") as chip:
@@ -218,6 +255,25 @@ def test_a_board_with_a_sensor_reports_the_measured_speed_until_it_is_old(there,
     assert until(lambda: actuator.read(now_s=clock.now_s).speed_mps == 1.25, patience_s=5)
     assert actuator.read(now_s=clock.now_s + 0.19).speed_mps == 1.25
     assert actuator.read(now_s=clock.now_s + 0.21).speed_mps is None
+
+
+def test_a_serial_board_gets_no_steering_before_the_car_stands(there, tmp_path) -> None:
+    clock = Time()
+    actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
+    wire, node = Wire(actuator, "serial"), ActuatorStep(build_limiter(VEHICLE))
+
+    def reported(speed_mps: float) -> bool:
+        there.turn(clock.now_s, b"V%d\n" % round(1000 * speed_mps))
+        looped(wire, node, clock, 1, 0.5, angle_rad=0.2)
+        return actuator.read(now_s=clock.now_s).speed_mps == speed_mps
+
+    assert until(lambda: reported(2.0), patience_s=5)
+    assert actuator.read(now_s=clock.now_s).road_wheel_angle_rad is None
+    assert until(lambda: reported(1.0), patience_s=5)
+    assert there.board.pulses_us == {THROTTLE_CHANNEL: THROTTLE["neutral_us"]}
+    assert until(lambda: reported(0.0), patience_s=5)
+    looped(wire, node, clock, 3, 0.5, angle_rad=0.2)
+    assert until(lambda: there.turn(clock.now_s) or STEERING_CHANNEL in there.board.pulses_us, patience_s=5)
 
 
 def test_without_a_measured_speed_a_board_with_a_sensor_is_not_driven(there, tmp_path) -> None:

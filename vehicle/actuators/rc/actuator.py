@@ -1,6 +1,9 @@
 """The actuators ``pca9685`` and ``serial``: a command as two pulses; a state without what the car does not measure.
 
-The road-wheel angle is that of the last pulse: no RC servo reports its own. The driver override is not known, and
+The road-wheel angle is that of the last pulse: no RC servo reports its own. At the start neutral is sent and the
+steering left as it is, because after a restart the car may roll in a bend. A PCA9685 returns the pulse that it
+holds; with another board the angle is not known until the car stands. A modelled speed is not known until a car
+at neutral has come to rest. The driver override is not known, and
 the yaw rate only where ``yaw_rate: modelled`` names the bicycle as its source. The calibration is read again when
 ``actuator.yaml`` changes, so that `trepid calibrate steering` acts on a running drive; a file with a fault leaves
 the calibration as it is.
@@ -30,6 +33,7 @@ from vehicle.actuators.table import FILE, configured
 CHECK_EVERY = 50  # writes, half a second: settings file, and whether the PCA9685 has lost its power
 BRAKE_FROM_MPS2 = 1.5  # a harder brake than that of a neutral throttle
 RETRY_S = 0.1  # between attempts to open a board
+REST_LAGS = 5.0  # e⁻⁵: a car that rolls at 3 m/s at the start has 2 cm/s left
 BRAKE_ABOVE_MPS = 0.2  # below it the brake pulse may start the reverse
 
 
@@ -38,6 +42,10 @@ class Board(Protocol):
 
     def write(self, pulses_us: Mapping[int, float], *, now_s: float) -> None:
         """Set the pulse [µs] of each channel."""
+        ...
+
+    def steering_us(self) -> float | None:
+        """The steering pulse [µs] that the board held when it was opened; None: not known."""
         ...
 
     def speed_mps(self, *, now_s: float) -> tuple[float, float] | None:
@@ -100,22 +108,28 @@ class RcActuator:
         self._motion = Motion(settings.speed_lag_s)
         self._vehicle = car.vehicle
         self._models_yaw = settings.yaw_rate == "modelled"
-        self._angle_rad = self._turned_rad = 0.0
+        held_us = self._board.steering_us()
+        self._angle_rad = None if held_us is None else settings.steering.angle_rad(held_us)
+        self._turned_rad = self._angle_rad or 0.0
+        self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
         self._then_s = car.now_s()
+        self._rests_s = self._then_s + REST_LAGS * settings.speed_lag_s
         self._neutral_after_s = settings.neutral_after_s
         self._written_s = math.inf  # time of the last pulses; inf: none so far
         self._writes = 0
         self._measured: tuple[float, float] | None = None
 
     def read(self, *, now_s: float) -> VehicleState:
-        """Speed as measured or as modelled, the angle of the last pulse; an unknown speed is None."""
+        """Speed as measured or as modelled, the angle of the last pulse; None: not known."""
         self._notice_silence(now_s)
         self._measured = self._board.speed_mps(now_s=now_s)
         speed_mps, t_s = None, now_s
         if self._source is SpeedSource.MODELLED:
-            speed_mps = self._motion.modelled_mps
+            speed_mps = self._motion.modelled_mps if now_s >= self._rests_s else None
         elif self._measured is not None:
             speed_mps, t_s = self._measured
+        if self._angle_rad is None and speed_mps is not None and speed_mps <= self._standstill_mps:
+            self._angle_rad = 0.0
         return VehicleState(
             t_s=t_s,
             speed_mps=speed_mps,
@@ -169,12 +183,14 @@ class RcActuator:
             raise OSError(errno.ETIMEDOUT, f"no pulses for {silent_s:.2f} s: the throttle went to neutral")
 
     def _yaw_rate_radps(self, speed_mps: float | None, now_s: float) -> float | None:
-        """ψ' = v·tan δ/(L + K_us·v²), δ behind the pulse by delay and lag; None: not modelled."""
-        car = self._vehicle
+        """ψ' = v·tan δ/(L + K_us·v²), δ behind the pulse by delay and lag; None: not modelled, or not known."""
+        car, angle_rad = self._vehicle, self._angle_rad
         late_s = car.steering_delay_s + car.steering_lag_s
         dt_s, self._then_s = max(0.0, now_s - self._then_s), now_s
         part = 1.0 - math.exp(-dt_s / late_s) if late_s > 0.0 else 1.0
-        self._turned_rad += part * (self._angle_rad - self._turned_rad)
+        if angle_rad is None:
+            return None
+        self._turned_rad += part * (angle_rad - self._turned_rad)
         if speed_mps is None or not self._models_yaw:
             return None
         length_m = car.wheelbase_m + car.understeer_gradient_rad_per_mps2 * speed_mps**2
@@ -190,7 +206,7 @@ class PcaBoard:
         self._writes = self._resets = 0
         self._rest_us = settings.rest_us
         try:
-            self._chip.set_up(self._rest_us)
+            self._steering_us = self._begun(settings.steering, settings.throttle)
             self._guard = Guard(settings)
         except OSError:
             self._chip.close()
@@ -205,6 +221,19 @@ class PcaBoard:
             raise OSError(errno.EIO, "the PCA9685 had lost its settings: look at its power")
         self._chip.write(pulses_us)
         self._guard.alive()
+
+    def _begun(self, steering: Steering, throttle: Throttle) -> float:
+        """Set neutral, and the centre where the chip holds no pulse within the hard ends; the steering pulse."""
+        held_us = self._chip.pulse_us(steering.channel)
+        if held_us is None or abs(held_us - steering.within(held_us)) > self._chip.count_us:
+            self._chip.set_up(self._rest_us)
+            return steering.centre_us
+        self._chip.write({throttle.channel: throttle.neutral_us})
+        return held_us
+
+    def steering_us(self) -> float:
+        """The pulse of the straight wheels, or the one that the chip has held since a process before this one."""
+        return self._steering_us
 
     def speed_mps(self, *, now_s: float) -> None:
         """None: the chip measures nothing."""
@@ -221,7 +250,7 @@ class PcaBoard:
 
 
 def open_board(settings: RcSettings) -> Board:
-    """The board of ``settings``, which may appear within ``wait_s``, at rest, as speed controllers expect.
+    """The board of ``settings``, which may appear within ``wait_s``, at neutral, as speed controllers expect.
 
     Raises InputError with the remedy.
     """

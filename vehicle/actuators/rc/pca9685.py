@@ -28,6 +28,11 @@ class Pca9685:
         self._prescale = prescale_of(frequency_hz, oscillator_hz)
         self._counts_per_us = oscillator_hz / (self._prescale + 1) * 1e-6
 
+    @property
+    def count_us(self) -> float:
+        """The step of a pulse [µs]."""
+        return 1.0 / self._counts_per_us
+
     def set_up(self, pulses_us: Mapping[int, float]) -> None:
         """Set frequency and first pulses while the outputs sleep, then wake them; check by reading back."""
         if self.is_set_up():
@@ -53,6 +58,14 @@ class Pca9685:
         for channel, pulse_us in pulses_us.items():
             off = max(0, min(COUNTS - 1, round(pulse_us * self._counts_per_us)))
             self._device.write(bytes([LED0_ON_L + 4 * channel, 0, 0, off & 0xFF, off >> 8]))
+
+    def pulse_us(self, channel: int) -> float | None:
+        """The pulse [µs] that the chip sends on ``channel``, to half a count; None where it sends none."""
+        if not self.is_set_up():
+            return None
+        on_low, on_high, off_low, off_high = self._device.read(LED0_ON_L + 4 * channel, 4)
+        off = off_high << 8 | off_low
+        return off / self._counts_per_us if 0 < off < COUNTS and not (on_low or on_high) else None
 
     def close(self) -> None:
         """Release the bus; the outputs go on."""

@@ -44,7 +44,7 @@ class SerialBoard:
         self._errors = 0
         self._garbled = 0
         self._open()
-        self.write(settings.rest_us, now_s=0.0)
+        self.write({settings.throttle.channel: settings.throttle.neutral_us}, now_s=0.0)
 
     def write(self, pulses_us: Mapping[int, float], *, now_s: float) -> None:
         """Set the pulse [µs] of each channel."""
@@ -59,6 +59,10 @@ class SerialBoard:
             raise OSError(errno.ETIMEDOUT, f"{self._settings.port}: the board does not answer")
         self._unanswered = self._unanswered or asks
         self._tried(lambda port: port.write(data + (bytes([GET_ERRORS]) if asks else b"")))
+
+    def steering_us(self) -> None:
+        """None: the board reports no pulse."""
+        return
 
     def speed_mps(self, *, now_s: float) -> tuple[float, float] | None:
         """Newest speed [m/s] and its time; None when it is older than ``timeout_s`` or there is none."""
