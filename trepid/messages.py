@@ -263,8 +263,8 @@ class DriverInput:
     connected: bool  # the device exists and can be read
     allowed: bool  # the dead man's switch is held, and no stop button was pressed since it was last released
     override: bool  # the driver drives in place of the controller
-    road_wheel_angle_rad: float | None  # demands of the driver; None without override
-    accel_mps2: float | None
+    road_wheel_angle_rad: float | None  # demand of the driver; None: the controller steers
+    accel_mps2: float | None  # likewise; None without override
     speed_mps: float | None
     record: bool  # the driver wants the drive recorded
 

@@ -11,7 +11,7 @@ class Demand(NamedTuple):
 
     command: Command | None  # None: driving is not permitted; the limiter brakes to standstill
     received_s: float | None  # arrival of ``command``
-    override: bool  # the command is that of the driver
+    override: bool  # the command is that of the driver, or its speed and acceleration are
     reason: str  # why driving is not permitted; "" otherwise
 
 
@@ -41,9 +41,24 @@ def arbitrate(
         return _not_permitted(_why_not(driver, present=present))
     if not driver.override:
         return Demand(command, received_s, False, "")
+    return _overridden(command, received_s, driver, driver_received_s)
+
+
+def _overridden(
+    command: Command | None, received_s: float | None, driver: DriverInput, driver_received_s: float
+) -> Demand:
+    """The demand of the driver.
+
+    Without an angle it replaces speed and acceleration of the controller's command, whose stamps still count: when
+    the controller falls silent, the limiter stops the car.
+    """
     angle_rad, accel_mps2, speed_mps = driver.road_wheel_angle_rad, driver.accel_mps2, driver.speed_mps
-    if angle_rad is None or accel_mps2 is None or speed_mps is None:
+    if accel_mps2 is None or speed_mps is None:
         return _not_permitted("the driver overrides without a demand")
+    if angle_rad is None:
+        if command is None:
+            return _not_permitted("the driver does not steer, and the controller sends nothing")
+        return Demand(replace(command, speed_mps=speed_mps, accel_mps2=accel_mps2), received_s, True, "")
     by_hand = Command(
         t_s=driver.t_s, road_wheel_angle_rad=angle_rad, speed_mps=speed_mps, accel_mps2=accel_mps2
     )

@@ -1,6 +1,8 @@
 """From sticks and buttons to the driver's demand.
 
-Steering: δ = s·δ_max of the vehicle file. Throttle: the stick t demands the speed t·v_max, which the acceleration
+Steering: δ = s·δ_max of the vehicle file. In an override by the throttle alone there is no angle: the controller
+steers, so that a brake in a bend does not straighten the wheels. Throttle: the stick t demands the speed t·v_max,
+which the acceleration
 
     a = (t·v_max - v)/T      within -brake..accel
 
@@ -29,29 +31,32 @@ class Driver:
         self._by_hand = False
         self._record = False
         self._before = Sticks()
-        self._until_s = -1.0  # end of an override
+        self._until_s = self._steers_until_s = -1.0  # end of an override, and of one of the steering
 
     def step(self, sticks: Sticks | None, speed_mps: float | None, *, now_s: float) -> DriverInput:
         """The demand at ``now_s``; ``sticks`` is None while the device is gone."""
         if sticks is None:
             self._armed = self._by_hand = False
-            self._before, self._until_s = Sticks(), now_s
+            self._before = Sticks()
+            self._until_s = self._steers_until_s = now_s
             return self._input(now_s, connected=False)
         before, self._before = self._before, sticks
         self._by_hand ^= sticks.hand and not before.hand
         self._record ^= sticks.record and not before.record
         self._armed = not sticks.stop and (self._armed or not sticks.dead_man)
         if not (self._armed and sticks.dead_man):
-            self._until_s = now_s
+            self._until_s = self._steers_until_s = now_s
             return self._input(now_s)
-        if max(abs(sticks.steering), abs(sticks.throttle)) > self._settings.override_above:
+        if abs(sticks.steering) > self._settings.override_above:
+            self._until_s = self._steers_until_s = now_s + self._settings.release_s
+        elif abs(sticks.throttle) > self._settings.override_above:
             self._until_s = now_s + self._settings.release_s
         if not self._by_hand and now_s >= self._until_s:
             return self._input(now_s, allowed=True)
         accel_mps2, goal_mps = self._speed(sticks.throttle, speed_mps)
-        return self._input(
-            now_s, allowed=True, demand=(sticks.steering * self._full_rad, accel_mps2, goal_mps)
-        )
+        steers = self._by_hand or now_s < self._steers_until_s
+        angle_rad = sticks.steering * self._full_rad if steers else None
+        return self._input(now_s, allowed=True, demand=(angle_rad, accel_mps2, goal_mps))
 
     def _speed(self, throttle: float, speed_mps: float | None) -> tuple[float, float]:
         """Acceleration [m/s²] and speed [m/s] that the throttle demands."""
@@ -72,7 +77,7 @@ class Driver:
         *,
         connected: bool = True,
         allowed: bool = False,
-        demand: tuple[float, float, float] | None = None,
+        demand: tuple[float | None, float, float] | None = None,
     ) -> DriverInput:
         angle_rad, accel_mps2, goal_mps = demand or (None, None, None)
         return DriverInput(

@@ -58,6 +58,18 @@ def test_the_demand_of_an_overriding_driver_replaces_the_command() -> None:
     )
 
 
+def test_a_driver_who_does_not_steer_leaves_the_angle_and_its_stamps_to_the_controller() -> None:
+    demand = decided(replace(BY_HAND, road_wheel_angle_rad=None, accel_mps2=-1.0))
+    assert demand == Demand(replace(COMMAND, speed_mps=1.0, accel_mps2=-1.0), 9.95, True, "")
+
+
+def test_a_driver_who_does_not_steer_does_not_drive_without_a_controller() -> None:
+    throttle = replace(BY_HAND, road_wheel_angle_rad=None)
+    demand = arbitrate(None, None, throttle, NOW_S, required=False, timeout_s=TIMEOUT_S, now_s=NOW_S)
+    assert (demand.command, demand.override) == (None, False)
+    assert "the controller sends nothing" in demand.reason
+
+
 def test_an_override_is_reported_in_the_state() -> None:
     state = VehicleState(
         t_s=NOW_S, speed_mps=1.0, road_wheel_angle_rad=0.0, yaw_rate_radps=None, driver_override=False

@@ -55,6 +55,33 @@ def test_a_stick_beyond_its_threshold_overrides_until_it_was_centred_for_the_rel
     assert not driver.step(HELD, 1.0, now_s=0.2 + SETTINGS.release_s).override
 
 
+@pytest.mark.parametrize("steering", [0.0, 0.1])
+def test_the_throttle_alone_leaves_the_steering_to_the_controller(driver, steering) -> None:
+    taken = driver.step(HELD._replace(throttle=-0.5, steering=steering), 1.0, now_s=0.1)
+    assert taken.override
+    assert taken.road_wheel_angle_rad is None
+    assert taken.accel_mps2 == -0.5 * SETTINGS.brake_mps2
+
+
+def test_a_steering_stick_steers_until_it_was_centred_for_the_release_time(driver) -> None:
+    braking = HELD._replace(throttle=-0.5)
+    driver.step(braking._replace(steering=0.5), 1.0, now_s=0.1)
+    still = driver.step(braking, 1.0, now_s=0.1 + SETTINGS.release_s - 0.01)
+    assert still.road_wheel_angle_rad == 0.0
+    assert driver.step(braking, 1.0, now_s=0.1 + SETTINGS.release_s).road_wheel_angle_rad is None
+
+
+def test_a_released_switch_ends_an_override_of_the_steering(driver) -> None:
+    driver.step(HELD._replace(steering=0.5), 1.0, now_s=0.1)
+    driver.step(Sticks(), 1.0, now_s=0.2)
+    assert driver.step(HELD._replace(throttle=-0.5), 1.0, now_s=0.3).road_wheel_angle_rad is None
+
+
+def test_by_hand_a_centred_steering_stick_drives_straight_on(driver) -> None:
+    taken = driver.step(HELD._replace(hand=True, throttle=0.5), 1.0, now_s=0.1)
+    assert taken.road_wheel_angle_rad == 0.0
+
+
 def test_steering_alone_holds_the_speed(driver) -> None:
     taken = driver.step(HELD._replace(steering=0.5), 1.3, now_s=0.1)
     assert (taken.accel_mps2, taken.speed_mps) == (0.0, 1.3)
