@@ -242,6 +242,12 @@ def test_a_frozen_guard_is_a_failure_of_the_wire(tmp_path) -> None:
             guard.close()
 
 
+def speed_mps(actuator: SerialActuator, now_s: float) -> float | None:
+    """The speed of the newest state."""
+    state = actuator.read(now_s=now_s)
+    return state and state.speed_mps
+
+
 @pytest.fixture
 def there(tmp_path) -> BoardOnPty:
     return BoardOnPty(tmp_path / "tty", "ascii")
@@ -250,11 +256,28 @@ def there(tmp_path) -> BoardOnPty:
 def test_a_board_with_a_sensor_reports_the_measured_speed_until_it_is_old(there, tmp_path) -> None:
     clock = Time()
     actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
-    assert actuator.read(now_s=clock.now_s).speed_mps is None
+    assert actuator.read(now_s=clock.now_s) is None
     there.port.write(b"V1250\nV12")
-    assert until(lambda: actuator.read(now_s=clock.now_s).speed_mps == 1.25, patience_s=5)
-    assert actuator.read(now_s=clock.now_s + 0.19).speed_mps == 1.25
-    assert actuator.read(now_s=clock.now_s + 0.21).speed_mps is None
+    assert until(lambda: speed_mps(actuator, clock.now_s) == 1.25, patience_s=5)
+    assert speed_mps(actuator, clock.now_s + 0.19) == 1.25
+    assert actuator.read(now_s=clock.now_s + 0.21) is None
+
+
+def test_an_old_speed_does_not_drive_a_car_after_a_fault_of_the_wire(there, tmp_path, monkeypatch) -> None:
+    clock, pulses_us = Time(), []
+    actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
+    monkeypatch.setattr(actuator._board, "speed_mps", lambda now_s: (2.0, now_s))
+    monkeypatch.setattr(actuator._board, "write", lambda pulses, now_s: pulses_us.append(pulses))
+    drive(actuator, clock, 1.0, 1.0)
+
+    def unplugged(now_s: float) -> None:
+        raise OSError("gone")
+
+    monkeypatch.setattr(actuator._board, "speed_mps", unplugged)
+    with pytest.raises(OSError, match="gone"):
+        actuator.read(now_s=clock.now_s)
+    actuator.write(command(0.0, 1.0), now_s=clock.now_s)
+    assert pulses_us[-1][THROTTLE_CHANNEL] == THROTTLE["neutral_us"]
 
 
 def test_a_serial_board_gets_no_steering_before_the_car_stands(there, tmp_path) -> None:
@@ -265,7 +288,8 @@ def test_a_serial_board_gets_no_steering_before_the_car_stands(there, tmp_path) 
     def reported(speed_mps: float) -> bool:
         there.turn(clock.now_s, b"V%d\n" % round(1000 * speed_mps))
         looped(wire, node, clock, 1, 0.5, angle_rad=0.2)
-        return actuator.read(now_s=clock.now_s).speed_mps == speed_mps
+        state = actuator.read(now_s=clock.now_s)
+        return state is not None and state.speed_mps == speed_mps
 
     assert until(lambda: reported(2.0), patience_s=5)
     assert actuator.read(now_s=clock.now_s).road_wheel_angle_rad is None

@@ -119,8 +119,9 @@ class RcActuator:
         self._writes = 0
         self._measured: tuple[float, float] | None = None
 
-    def read(self, *, now_s: float) -> VehicleState:
-        """Speed as measured or as modelled, the angle of the last pulse; None: not known."""
+    def read(self, *, now_s: float) -> VehicleState | None:
+        """Speed as measured or as modelled, and the angle of the last pulse; None while the sensor is silent."""
+        self._measured = None
         self._notice_silence(now_s)
         self._measured = self._board.speed_mps(now_s=now_s)
         speed_mps, t_s = None, now_s
@@ -128,6 +129,8 @@ class RcActuator:
             speed_mps = self._motion.modelled_mps if now_s >= self._rests_s else None
         elif self._measured is not None:
             speed_mps, t_s = self._measured
+        else:
+            return None
         if self._angle_rad is None and speed_mps is not None and speed_mps <= self._standstill_mps:
             self._angle_rad = 0.0
         return VehicleState(
