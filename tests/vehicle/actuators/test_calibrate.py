@@ -5,6 +5,7 @@ import os
 import pty
 import subprocess
 import sys
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from process_rig import until
 from rc_rig import STEERING, STEERING_CHANNEL, THROTTLE, THROTTLE_CHANNEL, Time, car, chip_on, command, pca
 
+from sim_harness.counterparts.pca9685 import Registers
 from trepid.cli import main
 from trepid.config import use_car
 from vehicle.actuators.rc.actuator import PcaActuator
@@ -86,6 +88,7 @@ def test_a_wrong_value_is_one_line_and_changes_nothing(mine, monkeypatch, capsys
     assert calibrate(monkeypatch, "--file-only", *arguments) == 2
     said = capsys.readouterr().err
     assert line in said
+    assert "actuator.yaml:" not in said  # no file holds the value
     assert said.count("\n") == 1
     assert (mine / "actuator.yaml").read_text() == before
 
@@ -167,30 +170,126 @@ def test_a_throttle_without_keys_returns_to_neutral() -> None:
     assert session.changes["throttle.speeds"] == [[0.8, 1525.0], [1.5, 1550.0]]
 
 
-def test_keys_of_a_terminal_move_the_servo_and_write_the_file(mine, tmp_path) -> None:
-    with chip_on(tmp_path / "i2c") as chip:
-        master, slave = pty.openpty()
-        process = subprocess.Popen(
-            [sys.executable, "-m", "trepid", "calibrate", "steering", "--car", str(mine)],
-            stdin=slave,
+def test_forgotten_speeds_are_not_written() -> None:
+    session = Session(pca(Path("none")))
+    session.press("t", now_s=0.0)
+    session.press("n", now_s=0.1)
+    session.speed(1.0)
+    session.press("x", now_s=0.2)
+    assert session.changes == {"throttle.neutral_us": THROTTLE["neutral_us"]}
+    session.speed(2.0, pulse_us=1600.0)
+    assert session.changes["throttle.speeds"] == [[2.0, 1600.0]]
+
+
+class AtKeys:
+    """A calibration in a terminal."""
+
+    def __init__(self, folder: Path) -> None:
+        self._master, self._slave = pty.openpty()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "trepid", "calibrate", "steering", "--car", str(folder)],
+            stdin=self._slave,
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
         )
+        os.set_blocking(self.process.stderr.fileno(), False)
+        self._said = b""
+
+    def press(self, keys: str) -> None:
+        os.write(self._master, keys.encode())
+
+    def says(self, text: str) -> bool:
+        """Whether ``text`` comes; what was said up to it counts no more."""
+
+        def came() -> bool:
+            self._said += self.process.stderr.read() or b""
+            return text.encode() in self._said
+
+        if not until(came, patience_s=30):
+            return False
+        self._said = self._said.partition(text.encode())[2]
+        return True
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.process.stderr.close()
+        os.close(self._master)
+        os.close(self._slave)
+
+
+@pytest.fixture
+def at_keys(mine, tmp_path) -> Iterator[tuple[AtKeys, Registers]]:
+    """A calibration by keys, and the chip that it moves."""
+    with chip_on(tmp_path / "i2c") as chip:
+        made = AtKeys(mine)
         try:
-            moved = STEERING["centre_us"] + 10.0
             assert until(lambda: chip.pulse_us(STEERING_CHANNEL) is not None, patience_s=30)
-            os.write(master, (RIGHT * 2).encode())
-            assert until(
-                lambda: chip.pulse_us(STEERING_CHANNEL) == pytest.approx(moved, abs=4.1), patience_s=30
-            )
-            os.write(master, b"cw")
-            assert process.wait(30) == 0
+            yield made, chip
         finally:
-            process.kill()
-            process.wait()
-            os.close(master)
-            os.close(slave)
-        assert settings_of("pca9685").steering.centre_us == moved
+            made.close()
+
+
+def test_keys_of_a_terminal_move_the_servo_and_write_the_file(at_keys) -> None:
+    terminal, chip = at_keys
+    moved = STEERING["centre_us"] + 10.0
+    terminal.press(RIGHT * 2)
+    assert until(lambda: chip.pulse_us(STEERING_CHANNEL) == pytest.approx(moved, abs=4.1), patience_s=30)
+    terminal.press("cw")
+    assert terminal.process.wait(30) == 0
+    assert settings_of("pca9685").steering.centre_us == moved
+
+
+def test_a_typed_speed_can_be_edited_and_is_asked_for_until_it_is_one(at_keys) -> None:
+    terminal, _ = at_keys
+    terminal.press(RIGHT + "ct" + UP * 3)
+    assert terminal.says("throttle 1575")
+    terminal.press("v")
+    assert terminal.says("speed [m/s]? ")
+    terminal.press("fast\n")
+    assert terminal.says("fast: Input should be a valid number")
+    assert terminal.says("speed [m/s]? ")
+    terminal.press("-1\n")
+    assert terminal.says("-1: Input should be greater than or equal to 0; speed [m/s]? ")
+    terminal.press("1.9\x7f5\n")
+    assert terminal.says("1.5 m/s at 1575 µs")
+    terminal.press("v")
+    assert terminal.says("speed [m/s]? ")
+    terminal.press("\n")
+    assert terminal.says("no speed recorded")
+    terminal.press("w")
+    assert terminal.process.wait(30) == 0
+    found = settings_of("pca9685")
+    assert found.throttle.speeds == ((1.5, 1575.0),)
+    assert found.steering.centre_us == STEERING["centre_us"] + 5.0
+
+
+def test_values_that_do_not_fit_together_are_named_and_the_session_goes_on(at_keys, mine) -> None:
+    terminal, _ = at_keys
+    terminal.press(RIGHT + "ctv")
+    assert terminal.says("speed [m/s]? ")
+    terminal.press("1.0\n")
+    assert terminal.says("1 m/s at 1500 µs")
+    before = (mine / "actuator.yaml").read_text()
+    terminal.press("w")
+    assert terminal.says("not written: pca9685.throttle.speeds.0: speeds must rise")
+    assert (mine / "actuator.yaml").read_text() == before
+    terminal.press("x")
+    assert terminal.says("no speeds recorded")
+    terminal.press("w")
+    assert terminal.process.wait(30) == 0
+    assert settings_of("pca9685").steering.centre_us == STEERING["centre_us"] + 5.0
+
+
+def test_the_escape_key_takes_no_other_key_with_it(at_keys) -> None:
+    terminal, _ = at_keys
+    terminal.press("\x1b")
+    assert terminal.says("arrows")  # the line of help at the start
+    assert terminal.says("arrows")  # for a key without a meaning
+    terminal.press("c")
+    assert terminal.says("steering.centre_us = 1500")
+    terminal.press("q")
+    assert terminal.process.wait(30) == 0
 
 
 def test_values_are_shown_by_the_servo_before_they_are_written(mine, tmp_path, monkeypatch) -> None:

@@ -29,11 +29,20 @@ def chosen() -> str:
 
 
 def settings_of(board: str, changes: Mapping[str, Any] | None = None) -> RcSettings:
-    """The settings of ``board`` with ``changes``, dotted names below its block. Raises InputError."""
+    """The settings of ``board`` with ``changes``, dotted names below its block.
+
+    Raises InputError: a fault of the file with its place, one of ``changes`` with the name of the field.
+    """
     data = read(FILE)
     for name, value in (changes or {}).items():
         put(data, f"{board}.{name}", value)
-    return cast(RcSettings, settings_in(data, board))
+    try:
+        return cast(RcSettings, settings_in(data, board))
+    except InputError as error:
+        if not changes:
+            raise
+        settings_of(board)
+        raise InputError(str(error).partition(": ")[2]) from error
 
 
 def write(car: Path, board: str, changes: Mapping[str, Any]) -> Path:

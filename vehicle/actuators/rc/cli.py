@@ -8,24 +8,28 @@ import sys
 import termios
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from pydantic import TypeAdapter, ValidationError
 
 from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, car_folder, load
 from vehicle.actuators.rc import calibration_file
 from vehicle.actuators.rc.actuator import Board, open_board, require_reach
-from vehicle.actuators.rc.session import HELP, Session
+from vehicle.actuators.rc.pulses import Speed
+from vehicle.actuators.rc.session import HELP, Pressed, Session
 from vehicle.actuators.rc.settings import RcSettings
 
 app = typer.Typer()
 PERIOD_S = 0.02
 STEP_US = 10.0  # in a period: the servo turns slowly
+LOCAL = 3  # index of the local modes in the attributes of a terminal
+LONGEST_LINE = 256
 
 
 @app.callback()
@@ -156,11 +160,14 @@ def _by_keys(folder: Path, name: str, settings: RcSettings) -> dict[str, Any]:
                     if pressed.ends:
                         return {}
                     if pressed.asks_speed:
-                        pulse_us = session.throttle_us
-                        board.write(settings.rest_us, now_s=now_s)  # typing takes time: no drive meanwhile
-                        pressed = session.speed(_asked_speed(), pulse_us=pulse_us)
+                        throttle = settings.throttle
+                        board.write({throttle.channel: throttle.neutral_us}, now_s=now_s)  # typing takes time
+                        pressed = _with_speed(session, pressed.said)
                     if pressed.writes:
-                        return session.changes
+                        fault = _fault(name, session.changes)
+                        if not fault:
+                            return session.changes
+                        pressed = Pressed(f"not written: {fault}")
                     print(f"\r\x1b[K{pressed.said}", end="", file=sys.stderr, flush=True)
                 board.write(session.pulses(now_s=time.monotonic()), now_s=now_s)
                 time.sleep(PERIOD_S)
@@ -170,19 +177,52 @@ def _by_keys(folder: Path, name: str, settings: RcSettings) -> dict[str, Any]:
         print(file=sys.stderr)
 
 
-def _asked_speed() -> float:
-    """A number that is typed, ended by the return key."""
-    text = ""
-    while not text.endswith(("\r", "\n")):
-        text += os.read(sys.stdin.fileno(), 1).decode(errors="replace")
+def _fault(name: str, changes: dict[str, Any]) -> str:
+    """What is wrong with the recorded values; ""."""
     try:
-        return float(text)
-    except ValueError as error:
-        raise InputError(f"speed {text.strip()!r}: expected a number in m/s") from error
+        calibration_file.settings_of(name, changes)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _with_speed(session: Session, question: str) -> Pressed:
+    """Record the speed that is typed for the present throttle pulse."""
+    pulse_us, speed_mps = session.throttle_us, _typed_speed(question)
+    if speed_mps is None:
+        return Pressed("no speed recorded")
+    return session.speed(speed_mps, pulse_us=pulse_us)
+
+
+def _typed_speed(question: str) -> float | None:
+    """The speed [m/s] that is typed, with echo and editing, asked for until it is one; None for an empty line."""
+    with _lines() as line:
+        while True:
+            print(f"\r\x1b[K{question} ", end="", file=sys.stderr, flush=True)
+            text = line()
+            if not text:
+                return None
+            try:
+                return TypeAdapter(Speed).validate_python(text)
+            except ValidationError as error:
+                question = f"{text}: {error.errors()[0]['msg']}; speed [m/s]?"
 
 
 @contextmanager
-def _keys() -> Iterator[Any]:
+def _lines() -> Iterator[Callable[[], str]]:
+    """A function that returns a typed line; keys that were pressed before the terminal takes lines do not count."""
+    terminal = sys.stdin.fileno()
+    before, taking = termios.tcgetattr(terminal), termios.tcgetattr(terminal)
+    taking[LOCAL] |= termios.ECHO | termios.ICANON
+    termios.tcsetattr(terminal, termios.TCSAFLUSH, taking)
+    try:
+        yield lambda: os.read(terminal, LONGEST_LINE).decode(errors="replace").strip()
+    finally:
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+
+
+@contextmanager
+def _keys() -> Iterator[Callable[[], str]]:
     """A function that returns the pressed key, or "" without one."""
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
@@ -194,7 +234,7 @@ def _keys() -> Iterator[Any]:
             if not ready:
                 return ""
             first = os.read(terminal, 1)
-            if first == b"\x1b":
+            if first == b"\x1b" and select.select([terminal], [], [], PERIOD_S)[0]:
                 first += os.read(terminal, 2)
             return first.decode(errors="replace")
 

@@ -8,7 +8,7 @@ FINE_US, COARSE_US = 5.0, 25.0
 IDLE_S = 2.0  # a throttle without a key for this long returns to neutral
 HELP = (
     "arrows ←/→ 5 µs, ↓/↑ 25 µs · c centre · l left end · r right end · t steering or throttle · "
-    "n neutral · v speed at this throttle · w write · q quit"
+    "n neutral · v speed at this throttle · x forget the speeds · w write · q quit"
 )
 LEFT, RIGHT, UP, DOWN = "\x1b[D", "\x1b[C", "\x1b[A", "\x1b[B"
 STEPS = {LEFT: -FINE_US, RIGHT: FINE_US, UP: COARSE_US, DOWN: -COARSE_US}
@@ -69,6 +69,10 @@ class Session:
             self._on_throttle = not self._on_throttle
             self._throttle_us = throttle.neutral_us
             return Pressed(self._where())
+        if key == "x" and self._on_throttle:
+            self._measured.clear()
+            self.changes.pop("throttle.speeds", None)
+            return Pressed("no speeds recorded")
         if key in KEYS[self._on_throttle]:
             return Pressed(self._record(KEYS[self._on_throttle][key]))
         if key in ACTIONS and (key != "v" or self._on_throttle):
