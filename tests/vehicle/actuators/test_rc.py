@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from process_rig import until
+from pydantic import ValidationError
 from rc_rig import (
     STEERING,
     STEERING_CHANNEL,
@@ -33,6 +34,7 @@ from vehicle.actuators.rc.actuator import BRAKE_FROM_MPS2, PcaActuator, SerialAc
 from vehicle.actuators.rc.guard import Guard
 from vehicle.actuators.rc.motion import LEAD_MPS, Motion
 from vehicle.actuators.rc.pca9685 import LED0_ON_L
+from vehicle.actuators.rc.serial_board import encoded
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 COUNT_US = 1e6 / 60 / 4096
@@ -401,6 +403,21 @@ def test_a_silence_of_the_serial_board_is_a_failure_of_the_wire_once(there, tmp_
         drive(actuator, clock, 1.0, 0.01)
     assert actuator._motion.demand_mps == 0.0
     drive(actuator, clock, 0.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    "protocol, baud, fits",
+    [("ascii", 19200, False), ("ascii", 38400, True), ("maestro", 9600, False), ("maestro", 19200, True)],
+)
+def test_a_baud_rate_that_cannot_carry_the_pulses_is_refused(tmp_path, protocol, baud, fits) -> None:
+    changed = dict(protocol=protocol, baud=baud, speed="modelled")
+    if fits:
+        settings = board(tmp_path / "tty", **changed)
+        sent = sum(len(encoded(protocol, channel, 1500.0)) for channel in settings.rest_us)
+        assert 1.5 * 100 * sent <= baud / 10
+    else:
+        with pytest.raises(ValidationError, match=f"two pulses at 100 Hz with {protocol} need at least"):
+            board(tmp_path / "tty", **changed)
 
 
 def test_a_maestro_that_does_not_answer_is_a_failure_of_the_wire(tmp_path) -> None:

@@ -112,6 +112,8 @@ class CanMap(Settings):
     """A map of signals, such as ``config/cars/shuttle/can/map.yaml``."""
 
     dbc: Path  # relative to the folder of the map
-    safe_accel_mps2: Annotated[float, Field(le=0)] = 0.0  # commanded at the end, with `engaged` 0
+    safe_accel_mps2: Annotated[float, Field(ge=-4.0, le=0)] = (
+        0.0  # at the end, after the limiter: UN R157 5.3
+    )
     commands: Annotated[tuple[CommandMessage, ...], Field(min_length=1)]
     reports: Annotated[tuple[ReportMessage, ...], Field(min_length=1)]

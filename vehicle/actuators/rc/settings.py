@@ -9,6 +9,10 @@ from trepid.config import Settings, wrong_at
 from trepid.types import NonNegative, Positive
 from vehicle.actuators.rc.pulses import Steering, Throttle
 
+WRITES_HZ = 100.0  # of vehicle.actuators.node
+PULSE_BYTES = {"ascii": len("S10 1500\n"), "maestro": 4}
+BITS_A_BYTE = 10  # with start and stop bit
+SPARE = 1.5  # of the bytes, so that a pulse never waits behind older ones
 BOARD_SILENCE_S = 0.25  # of the watchdog of a serial board: docs/actuators.md
 
 
@@ -91,6 +95,16 @@ class SerialSettings(RcSettings):
     baud: Annotated[int, Field(ge=1200, le=2_000_000)]
     protocol: Literal["ascii", "maestro"]
     timeout_s: Positive  # an older speed of the board counts as unknown
+
+    @model_validator(mode="after")
+    def _fast_enough(self) -> Self:
+        least_baud = SPARE * BITS_A_BYTE * WRITES_HZ * 2 * PULSE_BYTES[self.protocol]
+        if self.baud < least_baud:
+            raise wrong_at(
+                ("baud",),
+                f"is too slow: two pulses at {WRITES_HZ:g} Hz with {self.protocol} need at least {least_baud:g}",
+            )
+        return self
 
     def _measures(self) -> bool:
         return self.protocol == "ascii"

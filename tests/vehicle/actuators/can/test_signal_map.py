@@ -43,6 +43,10 @@ FAULTS = {
     ),
     "timeout_s: 0.1": ("timeout: 0.1", "unknown field 'reports.0.timeout'; did you mean 'timeout_s'?"),
     "quantity: speed_mps": ("quantity: yaw_rate_radps", "reports: no signal has the quantity speed_mps"),
+    "safe_accel_mps2: -2.0": (
+        "safe_accel_mps2: -20.0",
+        "map.yaml:5:1: safe_accel_mps2: Input should be greater than or equal to -4",
+    ),
     "dbc: shuttle.dbc": ("dbc: shuttel.dbc", "map.yaml:4:1: dbc:"),
 }
 
