@@ -49,11 +49,11 @@ class AckermannActuator:
         """Raises InputError without a bus."""
         if car.bus is None:
             raise InputError("actuator 'ackermann' needs the bus of a drive")
+        self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
         self._settings = settings
         kind: Any = Odometry if settings.state == "odometry" else VehicleState
         self._report = car.bus.latest(Topic(settings.state_topic, kind, RATE_HZ))
         self._send = car.bus.publisher(Topic(settings.command_topic, Command, RATE_HZ))
-        self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
         self._last: Command | None = None
 
     def read(self, *, now_s: float) -> VehicleState | None:
