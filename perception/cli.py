@@ -131,7 +131,7 @@ def estimate(
         if guessed:
             found = _with_note(found, ASSUMED)
         if annotate is not None:
-            found = written(found, annotate, lambda one: annotated(one.image, one.result))
+            found = written(found, inputs, annotate, lambda one: annotated(one.image, one.result))
         if as_json:
             print_json(map(as_row, found))
         else:

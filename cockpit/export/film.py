@@ -36,7 +36,7 @@ def write_film(drive: Drive, out: Path, rate_hz: float | None, done: Callable[[f
     fps = rate_of(drive.image_s) if rate_hz is None else rate_hz
     first_s, last_s = drive.image_s[0], max(drive.image_s)
     count, written = int((last_s - first_s) * fps + 1e-6) + 1, 0
-    writer = AnnotationWriter(out, fps=fps)
+    writer = AnnotationWriter(out, [drive.path])
     try:
         ahead = drive.images()
         coming = next(ahead, None)
@@ -49,7 +49,8 @@ def write_film(drive: Drive, out: Path, rate_hz: float | None, done: Callable[[f
             if latest is not None:
                 shown_s, canvas = latest[0], drawn(drive, latest[0], latest[1], camera, vehicle)
             assert canvas is not None  # the first image is of first_s
-            writer.write(_stamped(canvas, drive, at_s, at_s - shown_s), drive.path, is_clip=True)
+            stamped = _stamped(canvas, drive, at_s, at_s - shown_s)
+            writer.write(stamped, drive.path, is_clip=True, fps=fps)
             written += 1
             done(written / count)
     finally:

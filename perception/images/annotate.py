@@ -1,6 +1,7 @@
 """Annotated images: boundaries, lane, lane centre and the numbers of an estimate."""
 
 import math
+from collections.abc import Iterable, Iterator
 from itertools import product
 from pathlib import Path
 
@@ -153,18 +154,24 @@ def label(canvas: Image, words: str, at: tuple[int, int], size: float) -> None:
 class AnnotationWriter:
     """Writer of annotated frames: an image file, a video, or a folder (an image per still, a video per clip)."""
 
-    def __init__(self, out: Path, *, fps: float) -> None:
-        self._out, self._fps = out, fps
+    def __init__(self, out: Path, inputs: Iterable[Path]) -> None:
+        """A file of ``inputs``, or in a folder of them, is never overwritten."""
+        self._out, self._inputs = out, frozenset(filter(None, map(_identity, _files(inputs))))
         self._video: cv2.VideoWriter | None = None
         self._size = (0, 0)
-        self._name = ""
+        self._clip: Path | None = None  # whose frames go to the video ``_film`` in the folder
+        self._film = out
+        self._names: set[str] = set()  # of files in the folder
         self._written = 0
 
-    def write(self, image: Image, source: Path, *, is_clip: bool) -> None:
-        """Add one annotated frame of ``source``. Raises InputError when it cannot be written."""
+    def write(self, image: Image, source: Path, *, is_clip: bool, fps: float) -> None:
+        """Add one annotated frame of ``source``, whose video plays at ``fps``.
+
+        Raises InputError when it cannot be written, or would replace an input.
+        """
         suffix = self._out.suffix.lower()
         if suffix == ".mp4":
-            self._write_video(image, self._out)
+            self._write_video(image, self._out, fps)
         elif suffix in SINGLE_IMAGE_SUFFIXES and not is_clip:
             if self._written:
                 raise InputError(f"{self._out}: holds one image only; name a folder or an .mp4 file")
@@ -172,9 +179,12 @@ class AnnotationWriter:
         elif suffix:
             raise InputError(f"{self._out}: name an image, an .mp4 file or a folder for the annotated frames")
         elif is_clip:
-            self._write_video(image, self._out / f"{source.stem}.mp4")
+            if source != self._clip:
+                self.close()
+                self._clip, self._film = source, self._new_file(source, ".mp4")
+            self._write_video(image, self._film, fps)
         else:
-            self._write_image(image, self._out / f"{source.stem}.png")
+            self._write_image(image, self._new_file(source, ".png"))
         self._written += 1
 
     def close(self) -> None:
@@ -183,20 +193,56 @@ class AnnotationWriter:
             self._video.release()
             self._video = None
 
+    def _new_file(self, source: Path, suffix: str) -> Path:
+        """``source`` by its name in the folder; by name and number after another of the same name."""
+        name, number = f"{source.stem}{suffix}", 1
+        while name in self._names:
+            number += 1
+            name = f"{source.stem}_{number}{suffix}"
+        self._names.add(name)
+        return self._out / name
+
     def _write_image(self, image: Image, path: Path) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        self._make_way(path)
         if not cv2.imwrite(str(path), image):
             raise InputError(f"{path}: cannot be written")
 
-    def _write_video(self, image: Image, path: Path) -> None:
-        if self._video is None or self._name != str(path):
-            self.close()
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._name, self._size = str(path), (image.shape[1] // 2 * 2, image.shape[0] // 2 * 2)
-            self._video = cv2.VideoWriter(self._name, cv2.VideoWriter.fourcc(*"mp4v"), self._fps, self._size)
+    def _write_video(self, image: Image, path: Path, fps: float) -> None:
+        if self._video is None:
+            self._make_way(path)
+            self._size = (image.shape[1] // 2 * 2, image.shape[0] // 2 * 2)
+            rate = float(f"{fps:.4g}")  # MPEG-4 has no finer one
+            self._video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), rate, self._size)
             if not self._video.isOpened():
                 raise InputError(f"{path}: cannot be written")
         self._video.write(cv2.resize(image, self._size, interpolation=cv2.INTER_AREA))
+
+    def _make_way(self, path: Path) -> None:
+        """Make the folder of ``path``. Raises InputError when that fails, or ``path`` is an input."""
+        if _identity(path) in self._inputs:
+            raise InputError(f"{path}: is an input, which is never overwritten; name another file or folder")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _files(inputs: Iterable[Path]) -> Iterator[Path]:
+    """``inputs``, with the files in a folder instead of it."""
+    for path in inputs:
+        try:
+            yield from path.iterdir() if path.is_dir() else (path,)
+        except OSError:
+            continue  # the folder has no input either: reading it raises InputError
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Device and inode: one file may have several paths. None when there is no such file."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
 
 
 def as_path(points: PixelPath) -> list[list[float]]:

@@ -38,6 +38,7 @@ class FrameResult(Generic[R]):
     camera: Camera
     result: R
     latency_ms: float
+    fps: float = NOMINAL_FPS  # of its source
 
 
 class Unread:
@@ -87,16 +88,20 @@ def _of_source(
         started_s = time.perf_counter()
         result = step(Frame(t_s=t_s, image=image))
         latency_ms = 1e3 * (time.perf_counter() - started_s)
-        yield FrameResult(path, number, t_s, image, camera, result, latency_ms)
+        yield FrameResult(path, number, t_s, image, camera, result, latency_ms, source.fps)
 
 
 def written(
-    found: Iterator[FrameResult[R]], out: Path, draw: Callable[[FrameResult[R]], Image]
+    found: Iterator[FrameResult[R]],
+    inputs: Iterable[Path],
+    out: Path,
+    draw: Callable[[FrameResult[R]], Image],
 ) -> Iterator[FrameResult[R]]:
-    """``found``, each frame also written to ``out`` as ``draw`` gives it."""
-    with closing(AnnotationWriter(out, fps=NOMINAL_FPS)) as writer:
+    """``found`` in ``inputs``, each frame also written to ``out`` as ``draw`` gives it. Raises InputError."""
+    with closing(AnnotationWriter(out, inputs)) as writer:
         for one in found:
-            writer.write(draw(one), one.path, is_clip=one.path.suffix.lower() in FILM_SUFFIXES)
+            is_clip = one.path.suffix.lower() in FILM_SUFFIXES
+            writer.write(draw(one), one.path, is_clip=is_clip, fps=one.fps)
             yield one
 
 

@@ -4,8 +4,9 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import cv2
 import numpy as np
@@ -22,6 +23,7 @@ INDEXED_SUFFIXES = frozenset({".mp4", ".m4v", ".mov", ".avi"})
 RECORDING_SUFFIX = ".mcap"
 FILM_SUFFIXES = VIDEO_SUFFIXES | {RECORDING_SUFFIX}
 """Files that hold many frames."""
+RATED_IMAGES = 100  # of a recording, whose stamps give its frame rate
 
 
 class Shot(NamedTuple):
@@ -47,6 +49,7 @@ class Still:
 
     path: Path
     in_folder: bool = False
+    fps: ClassVar[float] = NOMINAL_FPS
 
     def read(self) -> Image:
         """The decoded image. Raises InputError."""
@@ -87,6 +90,7 @@ class Footage:
 
     images: RecordedImages
     head: Recorded
+    fps: float
 
     @property
     def path(self) -> Path:
@@ -208,7 +212,15 @@ def _footage(path: Path) -> Footage:
     if images is None:
         keys = f"{CAMERA_IMAGE.key} and {CAMERA_COMPRESSED.key}"
         raise InputError(f"{path}: holds no image of a camera: nothing on {keys}")
-    return Footage(images, read_head(path))
+    return Footage(images, read_head(path), _usual_fps(images))
+
+
+def _usual_fps(images: RecordedImages) -> float:
+    """1 / the median of the first positive intervals between captures; the nominal rate for one image."""
+    stamps_s = [message.t_s for _, message in islice(images.messages(), RATED_IMAGES)]
+    steps_s = np.diff(stamps_s)
+    steps_s = steps_s[steps_s > 0]
+    return float(1 / np.median(steps_s)) if len(steps_s) else NOMINAL_FPS
 
 
 def _clip(path: Path) -> Clip:

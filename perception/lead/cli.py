@@ -55,7 +55,7 @@ def estimate_leads(
     """Find vehicles in every frame of every input. Raises InputError at the first input that cannot be read."""
     found = lead_results(inputs, camera_for, unread, detector, drive_fps=drive_fps)
     if annotate is not None:
-        found = written(found, annotate, drawn)
+        found = written(found, inputs, annotate, drawn)
     if as_json:
         print_json(map(as_row, found))
     else:

@@ -132,7 +132,7 @@ def estimate_with_fear(
     motion = given_motion(speed_mps, log)
     found = fear_results(inputs, camera_for, unread, assumed, motion, detector, names, drive_fps=drive_fps)
     if annotate is not None:
-        found = written(found, annotate, drawn)
+        found = written(found, inputs, annotate, drawn)
     if as_json:
         print_json(map(as_row, found))
     else:

@@ -99,6 +99,26 @@ def test_annotated_frames_go_to_a_picture_a_video_or_a_folder(folder, clip, tmp_
     assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["a.png", "b.png", "clip.mp4"]
 
 
+def test_images_annotated_into_their_own_folder_are_left_as_they_are(folder, picture):
+    cv2.imwrite(str(folder / "a.png"), picture)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(InputError, match=r"a\.png: is an input"):
+        estimate([folder], as_json=True, annotate=folder)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_an_annotated_film_is_as_long_as_its_source(folder, picture, tmp_path):
+    fast = tmp_path / "fast.avi"
+    writer = cv2.VideoWriter(str(fast), cv2.VideoWriter.fourcc(*"MJPG"), 59.94, (320, 240))
+    for _ in range(6):
+        writer.write(picture)
+    writer.release()
+    estimate([fast], as_json=True, annotate=tmp_path / "seen.mp4")
+    estimate([folder], drive=True, fps=8.0, as_json=True, annotate=tmp_path / "drive.mp4")
+    rates = [source.fps for name in ("seen", "drive") for source in sources(tmp_path / f"{name}.mp4")]
+    assert rates == pytest.approx([59.94, 8.0], abs=0.01)
+
+
 def test_a_row_of_json_is_finite_and_rounded(picture):
     row = as_row(FrameResult(Path("x.png"), 0, 0.0, picture, CAMERA, look(picture), 1.0))
     json.dumps(row, allow_nan=False)

@@ -9,6 +9,7 @@ import pytest
 from perception.images.sources import Still, settings_of, sources
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.images.files import NOMINAL_FPS
 from trepid.messages import CompressedFrame, Frame
 from trepid.recording.writer import Recording
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
@@ -102,6 +103,15 @@ def test_the_jpeg_images_of_a_recording_are_read_where_there_are_no_raw_ones(tmp
     both = [*many, (20.0, Frame(t_s=19.9, image=photo(7)))]
     (source,) = sources(recorded(tmp_path / "both.mcap", *both, notes={}))
     assert [int(shot.image.mean()) for shot in source.shots()] == [7]
+
+
+def test_the_frame_rate_of_a_recording_is_that_of_its_captures(tmp_path):
+    stamps_s = (9.0, 9.1, 9.1, 9.2, 9.7, 9.8)  # one repeated, one pause
+    many = [(stamp_s + 0.03, CompressedFrame(t_s=stamp_s, jpeg=jpeg(90))) for stamp_s in stamps_s]
+    (source,) = sources(recorded(tmp_path / "many.mcap", *many, notes={}))
+    assert source.fps == pytest.approx(10.0)
+    (source,) = sources(recorded(tmp_path / "one.mcap", many[0], notes={}))
+    assert source.fps == NOMINAL_FPS
 
 
 def test_an_image_that_cannot_be_decoded_is_named_and_left_out(tmp_path):
