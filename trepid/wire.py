@@ -62,7 +62,8 @@ COMMAND_FIELDS = {
     "acceleration": "accel_mps2",
     "jerk": "jerk_mps3",
 }
-"""Field of ackermann_msgs/AckermannDrive -> field of Command."""
+"""Field of ackermann_msgs/AckermannDrive -> field of Command. Topics of Trepid carry the signed demand as
+acceleration; ``vehicle/actuators/ackermann.py`` sends it to a car as a magnitude."""
 
 
 class WireError(Exception):

@@ -1,6 +1,7 @@
 """A simulated ROS driver: AckermannDriveStamped from the bus to the simulated car, its state or odometry back.
 
-Without commands for ``SILENCE_S`` the driver brakes, as the drivers of real cars do.
+The driver takes accelerations as ``config/actuator.yaml`` names them. Without commands for ``SILENCE_S`` it brakes,
+as the drivers of real cars do.
 """
 
 from dataclasses import replace
@@ -14,13 +15,23 @@ from vehicle.actuators.ackermann import RATE_HZ, AckermannSettings
 
 SILENCE_S = 0.1
 SAFE_DECEL_MPS2 = 3.5
+QUICKEST_MPS2 = 3.5  # of a command with acceleration zero
+RESPONSE_S = 0.2  # of the speed near its goal
 
 
-def followed(command: Command, age_s: float) -> Command:
-    """The command that acts: ``command`` itself, or the brake when it is too old or asks for no drive any more."""
-    if age_s <= SILENCE_S and command.t_s is not None:
+def followed(command: Command, age_s: float, speed_mps: float, *, signed: bool = False) -> Command:
+    """What ``command`` of the wire does to a car at ``speed_mps``, as a signed acceleration.
+
+    Unless it is ``signed`` already, the acceleration is the rate of change to the target speed, up or down. A
+    command that is too old, or based on no frame any more, is a brake.
+    """
+    if age_s > SILENCE_S or command.t_s is None:
+        return replace(command, speed_mps=0.0, accel_mps2=-SAFE_DECEL_MPS2)
+    if signed:
         return command
-    return replace(command, speed_mps=0.0, accel_mps2=-SAFE_DECEL_MPS2)
+    most_mps2 = abs(command.accel_mps2) or QUICKEST_MPS2
+    wanted_mps2 = -most_mps2 if command.speed_mps <= 0.0 else (command.speed_mps - speed_mps) / RESPONSE_S
+    return replace(command, accel_mps2=max(-most_mps2, min(most_mps2, wanted_mps2)))
 
 
 def run(me: Process) -> None:
@@ -29,16 +40,18 @@ def run(me: Process) -> None:
     kind: Any = Odometry if settings.state == "odometry" else VehicleState
     newest = me.bus.latest(Topic(settings.command_topic, Command, RATE_HZ))
     send = me.bus.publisher(Topic(settings.state_topic, kind, RATE_HZ))
-    car = CarBehindWire(me)
+    signed, car = settings.acceleration == "signed", CarBehindWire(me)
     me.ready()
-    ticker, begun = Ticker(1 / car.settings.period_s), False
+    ticker, begun, speed_mps = Ticker(1 / car.settings.period_s), False, 0.0
     while me.running():
         ticker.sleep()
         ticker.due()
         now_s, command = me.now_s(), newest.refresh()
         begun = begun or (command is not None and command.t_s is not None)
-        acting = followed(command, now_s - (newest.received_s or 0.0)) if begun and command else None
+        age_s = now_s - (newest.received_s or 0.0)
+        acting = followed(command, age_s, speed_mps, signed=signed) if begun and command else None
         state = car.step(acting, now_s=now_s)
+        speed_mps = state.speed_mps or 0.0
         send(_odometry(state) if kind is Odometry else state)
         me.stepped()
 

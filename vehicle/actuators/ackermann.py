@@ -17,6 +17,8 @@ from trepid.types import Positive
 from vehicle.actuators.actuator import Car
 
 RATE_HZ = 100
+SOON_S = 1.0  # in which the goal of a brake would be reached
+LEAST_MPS2 = 0.01  # that is sent: zero would mean as quickly as possible
 
 
 class AckermannSettings(Settings):
@@ -27,6 +29,8 @@ class AckermannSettings(Settings):
     state: Literal["vehicle_state", "odometry"]
     wheel_angle: Literal["reported", "commanded"]
     timeout_s: Positive
+    acceleration: Literal["magnitude", "signed"]
+    safe_decel_mps2: Positive
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -55,6 +59,7 @@ class AckermannActuator:
         self._report = car.bus.latest(Topic(settings.state_topic, kind, RATE_HZ))
         self._send = car.bus.publisher(Topic(settings.command_topic, Command, RATE_HZ))
         self._last: Command | None = None
+        self._speed_mps: float | None = None  # of the newest report
 
     def read(self, *, now_s: float) -> VehicleState | None:
         """The newest report; None when it arrived too long ago, or is malformed.
@@ -62,6 +67,11 @@ class AckermannActuator:
         With ``wheel_angle: commanded`` the angle is that of the last command. Nothing measures it, so the limiter
         cannot notice a driver by the wheel.
         """
+        state = self._reported(now_s)
+        self._speed_mps = None if state is None else state.speed_mps
+        return state
+
+    def _reported(self, now_s: float) -> VehicleState | None:
         report, received_s = self._report.refresh(), self._report.received_s
         if report is None or received_s is None or self._report.broken:
             return None
@@ -81,16 +91,35 @@ class AckermannActuator:
     def write(self, command: Command, *, now_s: float) -> None:
         """Publish ``command``."""
         self._last = command
-        self._send(command)
+        self._publish(command)
 
     def values(self) -> tuple[tuple[str, str], ...]:
         """No further values."""
         return ()
 
     def close(self) -> None:
-        """Publish a command to stand with the last wheel angle and no stamp; nothing before the first command."""
+        """Command a brake of ``safe_decel_mps2`` with the last wheel angle and no stamp, after a first command."""
         if self._last is not None:
-            self._send(replace(self._last, t_s=None, speed_mps=0.0, accel_mps2=0.0))
+            brake_mps2 = -self._settings.safe_decel_mps2
+            self._publish(replace(self._last, t_s=None, speed_mps=0.0, accel_mps2=brake_mps2))
+
+    def _publish(self, command: Command) -> None:
+        """Publish ``command`` with its acceleration in the sense of the settings."""
+        signed = self._settings.acceleration == "signed"
+        self._send(command if signed else of_standard(command, self._speed_mps))
+
+
+def of_standard(command: Command, speed_mps: float | None) -> Command:
+    """``command`` in the sense of ackermann_msgs: its acceleration is the rate of change to its speed, up or down.
+
+    Zero would mean as quickly as possible. The speed of a brake is below the present ``speed_mps``, and 0 where
+    that is not known.
+    """
+    goal_mps = command.speed_mps
+    if command.accel_mps2 < 0.0:
+        soon_mps = 0.0 if speed_mps is None else speed_mps + SOON_S * command.accel_mps2
+        goal_mps = max(0.0, min(goal_mps, soon_mps))
+    return replace(command, speed_mps=goal_mps, accel_mps2=max(abs(command.accel_mps2), LEAST_MPS2))
 
 
 def _state(odometry: Odometry) -> VehicleState:
