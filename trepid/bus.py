@@ -447,6 +447,17 @@ class Graph:
 
         return send
 
+    def newest(self, key: str) -> Callable[[], bytes | None]:
+        """A function that gives the newest bytes on ``key`` since its last call; None when none arrived."""
+        subscriber: Any = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(1))
+        self._declared.append(subscriber)
+
+        def take() -> bytes | None:
+            sample = subscriber.try_recv()
+            return None if sample is None else bytes(sample.payload.to_bytes())
+
+        return take
+
 
 @contextmanager
 def open_graph(settings: Mapping[str, object]) -> Iterator[Graph]:

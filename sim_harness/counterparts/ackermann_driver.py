@@ -5,13 +5,11 @@ as the drivers of real cars do.
 """
 
 from dataclasses import replace
-from typing import Any
 
 from sim_harness.counterparts.car import CarBehindWire, wire_settings
 from trepid.messages import Command, Odometry, VehicleState
 from trepid.processes.process import Process, Ticker, process
-from trepid.topics import Topic
-from vehicle.actuators.ackermann import RATE_HZ, AckermannSettings
+from vehicle.actuators.ackermann import AckermannSettings, command_topic, state_topic
 
 SILENCE_S = 0.1
 SAFE_DECEL_MPS2 = 3.5
@@ -37,9 +35,8 @@ def followed(command: Command, age_s: float, speed_mps: float, *, signed: bool =
 def run(me: Process) -> None:
     """The driver and the car, in real time, on the topics of the block ``ackermann``."""
     settings = wire_settings(me, AckermannSettings, "ackermann")
-    kind: Any = Odometry if settings.state == "odometry" else VehicleState
-    newest = me.bus.latest(Topic(settings.command_topic, Command, RATE_HZ))
-    send = me.bus.publisher(Topic(settings.state_topic, kind, RATE_HZ))
+    reports = state_topic(settings)
+    newest, send = me.bus.latest(command_topic(settings)), me.bus.publisher(reports)
     signed, car = settings.acceleration == "signed", CarBehindWire(me)
     me.ready()
     ticker, begun, speed_mps = Ticker(1 / car.settings.period_s), False, 0.0
@@ -52,7 +49,7 @@ def run(me: Process) -> None:
         acting = followed(command, age_s, speed_mps, signed=signed) if begun and command else None
         state = car.step(acting, now_s=now_s)
         speed_mps = state.speed_mps or 0.0
-        send(_odometry(state) if kind is Odometry else state)
+        send(_odometry(state) if reports.type is Odometry else state)
         me.stepped()
 
 

@@ -44,6 +44,17 @@ class AckermannSettings(Settings):
         return self
 
 
+def command_topic(settings: AckermannSettings) -> Topic[Command]:
+    """The topic of the limited commands."""
+    return Topic(settings.command_topic, Command, RATE_HZ)
+
+
+def state_topic(settings: AckermannSettings) -> Topic[Any]:
+    """The topic of the reports of the driver."""
+    kind: Any = Odometry if settings.state == "odometry" else VehicleState
+    return Topic(settings.state_topic, kind, RATE_HZ)
+
+
 class AckermannActuator:
     """Publishes every command and keeps the newest report."""
 
@@ -55,9 +66,8 @@ class AckermannActuator:
             raise InputError("actuator 'ackermann' needs the bus of a drive")
         self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
         self._settings = settings
-        kind: Any = Odometry if settings.state == "odometry" else VehicleState
-        self._report = car.bus.latest(Topic(settings.state_topic, kind, RATE_HZ))
-        self._send = car.bus.publisher(Topic(settings.command_topic, Command, RATE_HZ))
+        self._report = car.bus.latest(state_topic(settings))
+        self._send = car.bus.publisher(command_topic(settings))
         self._last: Command | None = None
         self._speed_mps: float | None = None  # of the newest report
 

@@ -1,26 +1,30 @@
-"""ROS 2 process: the topics of a drive in a ROS 2 graph over rmw_zenoh. Nothing comes back into the drive.
+"""ROS 2 process: the topics of a drive in a ROS 2 graph over rmw_zenoh.
+
+Nothing comes back into the drive but the state of a car with an Ackermann driver, where ``ros.yaml`` names it.
 
 The process has a session of its own in the graph, so that the driving processes publish once, and a ROS 2 graph has
 no way to their topics. The bytes pass unchanged, since messages of a drive are ROS 2 CDR already.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from trepid.bus import open_graph
+from trepid.bus import Bus, open_graph
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Health
 from trepid.processes.process import Process, Ticker, process
-from trepid.security import on_loopback
+from trepid.security import load_security, on_loopback
 from trepid.spelling import did_you_mean
 from trepid.topics import FIXED, Topic, estimate_topic
 from trepid.types import Array
 from trepid.wire import CAMERA_FRAME, ROS, STORE, VEHICLE_FRAME, ros_name
+from vehicle.actuators.ackermann import AckermannSettings, command_topic, state_topic
+from vehicle.actuators.table import configured
 from vehicle.ros.graph import RosNode, RosTopic, ros_topic_name
 
 RATE_HZ = 200  # looks for messages
@@ -30,21 +34,36 @@ STATIC_S = 1.0  # between repetitions of the pose of the camera
 TF_STATIC = RosTopic("/tf_static", "tf2_msgs/msg/TFMessage")
 
 
+RosName = Annotated[str, Field(pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")]
+
+
 class RosSettings(Settings):
     """``config/ros.yaml``."""
 
     domain: Annotated[int, Field(ge=0, le=232)]
     router: Annotated[str, Field(pattern=r"^\w+/.+:\d+$")]
     node: Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
-    names: Mapping[str, Annotated[str, Field(pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")]]
+    names: Mapping[str, RosName]
     exclude: tuple[str, ...]
+    state: RosName | None
 
-    def forwarded(self, vehicle_name: str, estimators: tuple[str, ...]) -> dict[str, RosTopic]:
-        """Topics of the graph by the keys of a drive. Raises InputError for a key that is not one of them."""
-        every: dict[str, Topic[Any]] = {**FIXED, **{t.key: t for t in map(estimate_topic, estimators)}}
+    def forwarded(
+        self, vehicle_name: str, estimators: tuple[str, ...], driver: AckermannSettings | None
+    ) -> dict[str, RosTopic]:
+        """Topics of the graph by the keys of a drive, with the limited command to ``driver``, that of the car.
+
+        Raises InputError for a key that is not one of them.
+        """
+        limited = () if driver is None else (command_topic(driver),)
+        every: dict[str, Topic[Any]] = {
+            **FIXED,
+            **{topic.key: topic for topic in (*map(estimate_topic, estimators), *limited)},
+        }
         for key in (*self.exclude, *self.names):
             if key not in every:
-                raise InputError(f"ros.yaml: no topic {key!r} in a drive; {did_you_mean(key, every)}")
+                hint = did_you_mean(key, every)
+                further = "" if limited else "; the limited command is a topic with actuator: ackermann only"
+                raise InputError(f"ros.yaml: no topic {key!r} in a drive; {hint}{further}")
         return {
             key: RosTopic(
                 self.names.get(key) or ros_topic_name(f"trepid/{vehicle_name}/{key}"), ros_name(topic.type)
@@ -54,15 +73,30 @@ class RosSettings(Settings):
         }
 
 
-def load_settings() -> RosSettings:
-    """The settings of the car. Raises InputError, also for a router on another machine."""
+def load_settings(driver: AckermannSettings | None) -> RosSettings:
+    """The settings of the car, whose Ackermann driver is ``driver``.
+
+    Raises InputError, also for a router on another machine, and for a state that has no use or may be forged.
+    """
     settings = load(CONFIG_DIR / "ros.yaml", RosSettings)
+    if settings.state is not None and driver is None:
+        raise InputError(
+            "ros.yaml: state: is that of a car with actuator: ackermann; actuator.yaml names another"
+        )
+    if settings.state is not None and load_security().keys is not None:
+        raise InputError("ros.yaml: state: comes in the clear, so it needs a drive without keys")
     if not on_loopback(settings.router):
         raise InputError(
             f"ros.yaml: router {settings.router} is on another machine, and ROS 2 sends in the clear; run a router "
             "of the graph on this one: `ros2 run rmw_zenoh_cpp rmw_zenohd`"
         )
     return settings
+
+
+def ackermann_driver() -> AckermannSettings | None:
+    """The settings of the Ackermann driver of the car; None where it has another actuator. Raises InputError."""
+    _, settings = configured()
+    return settings if isinstance(settings, AckermannSettings) else None
 
 
 def camera_pose(camera: Camera, now_s: float) -> bytes:
@@ -102,8 +136,9 @@ def quaternion(rotation: Array) -> tuple[float, float, float, float]:
 
 def run(me: Process) -> None:
     """Forward until the process is to stop; without a router of the graph, look for one and report it."""
-    settings = load_settings()
-    topics = settings.forwarded(me.bus.vehicle_name, tuple(me.options.get("estimators", ())))
+    driver = ackermann_driver()
+    settings = load_settings(driver)
+    topics = settings.forwarded(me.bus.vehicle_name, tuple(me.options.get("estimators", ())), driver)
     tap, camera = me.bus.tap(*topics), load(CONFIG_DIR / "camera.yaml", Camera)
     me.ready()
     ticker, retry, static = Ticker(RATE_HZ), Ticker(1 / RETRY_S), Ticker(1 / STATIC_S)
@@ -117,14 +152,33 @@ def run(me: Process) -> None:
                 node = _joined(stack, settings)
                 send = {key: node.publisher(topic) for key, topic in topics.items()} if node else {}
                 send_pose = node.publisher(TF_STATIC, latched=True) if node else None
-            if node is None or send_pose is None:
+                pass_state = _state_passed(me.bus, node, settings.state, driver) if node else None
+            if node is None or send_pose is None or pass_state is None:
                 me.alive(Health.WARN, f"no ROS 2 router at {settings.router}; start rmw_zenohd")
                 continue
             for key, data, published_s in arrived:
                 send[key](data, published_s)
+            pass_state()
             if static.due():
                 send_pose(camera_pose(camera, me.now_s()), me.now_s())
             me.stepped()
+
+
+def _state_passed(
+    bus: Bus, node: RosNode, name: str | None, driver: AckermannSettings | None
+) -> Callable[[], None]:
+    """A function that publishes the newest state in the graph, if one has arrived, to the actuator."""
+    if name is None or driver is None:
+        return lambda: None
+    topic = state_topic(driver)
+    newest, send = node.subscriber(RosTopic(name, ros_name(topic.type))), bus.forwarder(topic.key)
+
+    def passed() -> None:
+        data = newest()
+        if data is not None:
+            send(data)
+
+    return passed
 
 
 def _joined(stack: ExitStack, settings: RosSettings) -> RosNode | None:

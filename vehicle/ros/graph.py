@@ -1,10 +1,11 @@
 """Names, type hashes, liveliness tokens and attachments of a ROS 2 graph over Zenoh, as rmw_zenoh_cpp has them.
 
 A message of a topic has the key ``<domain>/<topic>/<type>/<hash>``, where the type is ``pkg::msg::dds_::Name_`` and
-the hash RIHS01 (REP 2016). Each node and publisher declares a token from which ``ros2 topic list`` learns of it:
+the hash RIHS01 (REP 2016). Nodes, publishers and subscribers declare tokens, from which ``ros2 topic list`` has its
+names:
 
     @ros2_lv/<domain>/<session>/<node>/<entity>/<kind>/<enclave>/<namespace>/<node name>
-    … and for publishers /<topic>/<type>/<hash>/<QoS>
+    … and for publishers and subscribers /<topic>/<type>/<hash>/<QoS>
 
 with ``%`` for every ``/`` in names. Source: rmw_zenoh, docs/design.md and liveliness_utils.cpp (Jazzy and later).
 """
@@ -20,6 +21,7 @@ from trepid.wire import STORE
 
 NOTHING = "%"  # no enclave, no namespace
 NODE_ID = 0
+PUBLISHER, SUBSCRIBER = "MP", "MS"  # kinds of entities
 SENSOR_QOS = (
     "2::,1:,:,:,,"  # best effort, volatile, keep the last one; deadline, lifespan and liveliness by default
 )
@@ -63,15 +65,17 @@ def node_token(domain: int, session: str, node: str) -> str:
     return f"@ros2_lv/{domain}/{session}/{NODE_ID}/{NODE_ID}/NN/{NOTHING}/{NOTHING}/{node}"
 
 
-def publisher_token(domain: int, session: str, node: str, entity: int, topic: RosTopic, qos: str) -> str:
-    """Token of a publisher of ``topic``; ``entity``: number in the session."""
+def endpoint_token(
+    domain: int, session: str, node: str, entity: int, kind: str, topic: RosTopic, qos: str
+) -> str:
+    """Token of a publisher or subscriber (``kind``) of ``topic``; ``entity``: number in the session."""
     mangled = topic.name.replace("/", "%")
-    own = f"{NODE_ID}/{entity}/MP/{NOTHING}/{NOTHING}/{node}"
+    own = f"{NODE_ID}/{entity}/{kind}/{NOTHING}/{NOTHING}/{node}"
     return f"@ros2_lv/{domain}/{session}/{own}/{mangled}/{topic.key}/{qos}"
 
 
 class RosNode:
-    """One node with publishers in the graph of ``domain``."""
+    """One node with publishers and subscribers in the graph of ``domain``."""
 
     def __init__(self, graph: Graph, *, domain: int, name: str) -> None:
         self._graph, self._domain, self._name = graph, domain, name
@@ -80,11 +84,8 @@ class RosNode:
 
     def publisher(self, topic: RosTopic, *, latched: bool = False) -> Publish:
         """A publisher of ``topic``; ``latched``: subscribers that come later get the last message too."""
-        self._entities += 1
         send = self._graph.publisher(topic_key(self._domain, topic), cached=latched)
-        qos = LATCHED_QOS if latched else SENSOR_QOS
-        session = self._graph.session_id
-        self._graph.token(publisher_token(self._domain, session, self._name, self._entities, topic, qos))
+        self._declare(PUBLISHER, topic, LATCHED_QOS if latched else SENSOR_QOS)
         gid, sequence = os.urandom(GID_BYTES), 0
 
         def publish(data: bytes, published_s: float) -> None:
@@ -93,3 +94,15 @@ class RosNode:
             send(data, LAYOUT.pack(sequence, nanoseconds(published_s), GID_BYTES, gid))
 
         return publish
+
+    def subscriber(self, topic: RosTopic) -> Callable[[], bytes | None]:
+        """A function that gives the newest CDR bytes of ``topic`` since its last call; None when none arrived."""
+        newest = self._graph.newest(topic_key(self._domain, topic))
+        self._declare(SUBSCRIBER, topic, SENSOR_QOS)
+        return newest
+
+    def _declare(self, kind: str, topic: RosTopic, qos: str) -> None:
+        """Declare the token of the next publisher or subscriber."""
+        self._entities += 1
+        session = self._graph.session_id
+        self._graph.token(endpoint_token(self._domain, session, self._name, self._entities, kind, topic, qos))

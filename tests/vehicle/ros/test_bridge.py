@@ -18,11 +18,14 @@ from process_rig import until
 from trepid.bus import Bus, free_endpoint, open_bus, open_graph
 from trepid.clock import GID_BYTES, stamp_of
 from trepid.config import CAR
-from trepid.messages import Command
+from trepid.messages import Command, Odometry
 from trepid.processes.launch import Fleet
 from trepid.processes.settings import ProcessSpec
 from trepid.topics import COMMAND, DIAGNOSTICS
-from trepid.wire import DERIVED, STORE, from_cdr, msg_text, ros_name
+from trepid.wire import DERIVED, STORE, from_cdr, msg_text, ros_name, to_cdr
+from vehicle.actuators.ackermann import command_topic, state_topic
+from vehicle.ros.bridge import ackermann_driver
+from vehicle.ros.graph import RosNode, RosTopic
 from vehicle.ros.package import write_package
 
 PEER = os.environ.get("TREPID_ROS_PYTHON")
@@ -45,8 +48,12 @@ class Drive:
 
 @pytest.fixture
 def drive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drive]:
+    """The car has an Ackermann driver in the graph."""
     router, endpoint = free_endpoint(), free_endpoint()
-    (tmp_path / "ros.yaml").write_text(f"router: {router}\n")
+    names = "names: {actuator/command: /ackermann_cmd}\nstate: /odom\n"
+    (tmp_path / "ros.yaml").write_text(f"router: {router}\n{names}")
+    driver = "ackermann: {state: odometry, wheel_angle: commanded}\n"
+    (tmp_path / "actuator.yaml").write_text(f"actuator: ackermann\n{driver}")
     monkeypatch.setenv(CAR, str(tmp_path))
     with (
         open_bus("car", time.time, listen=endpoint) as bus,
@@ -93,6 +100,28 @@ def test_a_command_reaches_the_graph_unchanged_with_its_stamp_and_the_node_is_de
             tokens = [str(reply.ok.key_expr) for reply in graph.liveliness().get("@ros2_lv/0/**") if reply.ok]
     assert any("/NN/%/%/trepid" in token for token in tokens)
     assert any("/MP/" in token and "%trepid%car%controller%command" in token for token in tokens)
+
+
+def test_the_limited_command_reaches_a_driver_in_the_graph_and_its_odometry_the_actuator(
+    drive: Drive,
+) -> None:
+    driver = ackermann_driver()
+    limited, reports = drive.bus.publisher(command_topic(driver)), drive.bus.latest(state_topic(driver))
+    with router_of(drive), open_graph({"mode": "client", "connect/endpoints": [drive.router]}) as graph:
+        node = RosNode(graph, domain=0, name="driver")
+        heard = node.subscriber(RosTopic("/ackermann_cmd", ros_name(Command)))
+        send = node.publisher(RosTopic("/odom", ros_name(Odometry)))
+        commands = []
+
+        def exchanged() -> bool:
+            limited(command(123.5))
+            send(to_cdr(Odometry(t_s=7.0, speed_mps=2.5, yaw_rate_radps=0.1)), time.time())
+            commands.extend(filter(None, [heard()]))
+            return bool(commands) and reports.refresh() is not None
+
+        assert until(exchanged, patience_s=20)
+    assert from_cdr(commands[0], Command) == command(123.5)
+    assert (reports.message.t_s, reports.message.speed_mps) == (7.0, 2.5)
 
 
 def test_without_a_router_the_bridge_waits_for_one_and_says_so(drive: Drive) -> None:

@@ -1,24 +1,45 @@
 """Keys, tokens, hashes and names are those of rmw_zenoh; the reference values are those of ROS 2 Jazzy."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from trepid.car.camera import Camera
 from trepid.config import CAR, CONFIG_DIR, InputError, load
 from trepid.wire import STORE
-from vehicle.ros.bridge import TF_STATIC, RosSettings, camera_pose, load_settings, quaternion
+from vehicle.ros.bridge import (
+    TF_STATIC,
+    RosSettings,
+    ackermann_driver,
+    camera_pose,
+    load_settings,
+    quaternion,
+)
 from vehicle.ros.graph import (
+    PUBLISHER,
     SENSOR_QOS,
     RosTopic,
     dds_name,
+    endpoint_token,
     node_token,
-    publisher_token,
     ros_topic_name,
     topic_key,
 )
 
 CHATTER = RosTopic("/chatter", "std_msgs/msg/String")
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"  # of ROS 2 Jazzy
+
+
+@pytest.fixture
+def car(tmp_path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    monkeypatch.setenv(CAR, str(tmp_path))
+
+    def make(**files: str) -> None:
+        for name, text in files.items():
+            (tmp_path / f"{name}.yaml").write_text(text)
+
+    return make
 
 
 def test_a_message_has_the_key_of_rmw_zenoh() -> None:
@@ -28,7 +49,7 @@ def test_a_message_has_the_key_of_rmw_zenoh() -> None:
 
 def test_nodes_and_publishers_declare_the_tokens_of_rmw_zenoh() -> None:
     assert node_token(2, "aac3", "talker") == "@ros2_lv/2/aac3/0/0/NN/%/%/talker"
-    assert publisher_token(2, "aac3", "talker", 10, CHATTER, "::,10:,:,:,,") == (
+    assert endpoint_token(2, "aac3", "talker", 10, PUBLISHER, CHATTER, "::,10:,:,:,,") == (
         f"@ros2_lv/2/aac3/0/10/MP/%/%/talker/%chatter/std_msgs::msg::dds_::String_/{STRING}/::,10:,:,:,,"
     )
     assert "/" not in SENSOR_QOS
@@ -47,7 +68,7 @@ def test_a_name_of_a_topic_holds_only_what_ros_allows(name: str, expected: str) 
 
 
 def test_the_default_settings_forward_commands_decisions_estimates_and_compressed_images() -> None:
-    topics = load_settings().forwarded("shuttle", ("cv",))
+    topics = load_settings(None).forwarded("shuttle", ("cv",), None)
     assert topics["supervisor/decision"] == RosTopic(
         "/trepid/shuttle/supervisor/decision", "trepid_msgs/msg/Decision"
     )
@@ -57,9 +78,38 @@ def test_the_default_settings_forward_commands_decisions_estimates_and_compresse
 
 
 def test_a_topic_that_is_not_one_of_a_drive_is_refused_with_the_nearest_name() -> None:
-    settings = load_settings().model_copy(update={"exclude": ("camera/imagee",)})
+    settings = load_settings(None).model_copy(update={"exclude": ("camera/imagee",)})
     with pytest.raises(InputError, match=r"no topic 'camera/imagee' in a drive; .*camera/image"):
-        settings.forwarded("shuttle", ())
+        settings.forwarded("shuttle", (), None)
+
+
+DRIVER = "actuator: ackermann\nackermann: {state: odometry, wheel_angle: commanded}\n"
+
+
+def test_the_limited_command_has_the_name_that_the_driver_of_the_car_expects(car) -> None:
+    car(actuator=DRIVER, ros="names: {actuator/command: /ackermann_cmd}\n")
+    driver = ackermann_driver()
+    topics = load_settings(driver).forwarded("shuttle", (), driver)
+    assert topics["actuator/command"] == RosTopic(
+        "/ackermann_cmd", "ackermann_msgs/msg/AckermannDriveStamped"
+    )
+    assert "actuator/state" not in topics
+
+
+def test_without_an_ackermann_driver_no_limited_command_is_promised(car) -> None:
+    car(ros="names: {actuator/command: /ackermann_cmd}\n")
+    with pytest.raises(
+        InputError, match=r"'actuator/command' in a drive.*limited command.*actuator: ackermann"
+    ):
+        load_settings(None).forwarded("shuttle", (), ackermann_driver())
+
+
+def test_a_state_from_the_graph_needs_an_ackermann_driver_and_a_drive_without_keys(car) -> None:
+    car(actuator=DRIVER, ros="state: /odom\n", security="keys: keys\n")
+    with pytest.raises(InputError, match="state: is that of a car with actuator: ackermann"):
+        load_settings(None)
+    with pytest.raises(InputError, match="state: comes in the clear"):
+        load_settings(ackermann_driver())
 
 
 def test_a_router_on_another_machine_is_refused(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -67,7 +117,7 @@ def test_a_router_on_another_machine_is_refused(tmp_path, monkeypatch: pytest.Mo
     monkeypatch.setenv(CAR, str(tmp_path))
     assert isinstance(load(CONFIG_DIR / "ros.yaml", RosSettings), RosSettings)
     with pytest.raises(InputError, match="on another machine"):
-        load_settings()
+        load_settings(None)
 
 
 def matrix(w: float, x: float, y: float, z: float) -> np.ndarray:
