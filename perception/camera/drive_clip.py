@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from perception.camera.height import Step
 from perception.images.sources import Clip, Source, Still, sources
 from trepid.config import InputError
-from trepid.images.files import NOMINAL_FPS
+from trepid.images.files import NOMINAL_FPS, decoded_image
 from trepid.messages import CompressedFrame
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
@@ -84,7 +83,7 @@ def _speed_at(t_s: float, known: Array) -> float | None:
 
 
 def _image(frame: CompressedFrame) -> Image:
-    image = cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    image = decoded_image(frame.jpeg)
     if image is None:
         raise InputError(f"the frame of {frame.t_s:.3f} s cannot be decoded")
-    return np.asarray(image, np.uint8)
+    return image

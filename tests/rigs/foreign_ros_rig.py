@@ -35,9 +35,13 @@ def image(data: np.ndarray, encoding: str, *, stamp_ns: int = 0, padding: int = 
 
 def compressed(picture: np.ndarray, suffix: str = ".jpg", *, stamp_ns: int = 0) -> bytes:
     """A ``sensor_msgs/CompressedImage``."""
-    _, data = cv2.imencode(suffix, picture)
+    return compressed_bytes(cv2.imencode(suffix, picture)[1].tobytes(), suffix, stamp_ns=stamp_ns)
+
+
+def compressed_bytes(data: bytes, suffix: str, *, stamp_ns: int = 0) -> bytes:
+    """A ``sensor_msgs/CompressedImage`` of these bytes."""
     message = TYPES["sensor_msgs/msg/CompressedImage"](
-        header=header(stamp_ns), format=suffix.removeprefix("."), data=np.asarray(data).reshape(-1)
+        header=header(stamp_ns), format=suffix.removeprefix("."), data=np.frombuffer(data, np.uint8)
     )
     return bytes(STORE.serialize_cdr(message, message.__msgtype__))
 

@@ -13,6 +13,8 @@ from trepid.types import Image
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"})
 VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
 NOMINAL_FPS = 25.0  # for videos without a frame rate
+_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
+"""A marker of a JPEG; within a scan, data and restart marks are none."""
 _DIGITS = re.compile(r"([0-9]+)")
 
 
@@ -48,17 +50,39 @@ def read_image(path: Path) -> Image:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     if not _is_complete(data):
         raise InputError(f"{path}: image file is truncated")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+    image = decoded_image(data)
     if image is None:
-        raise InputError(f"{path}: not an image")
-    return image.astype(np.uint8, copy=False)
+        raise InputError(f"{path}: not an image that can be decoded")
+    return image
+
+
+def decoded_image(data: bytes) -> Image | None:
+    """The image in the bytes of a file, shape (height, width, 3); None for one that OpenCV cannot decode."""
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:  # of no bytes, and of more pixels than CV_IO_MAX_IMAGE_PIXELS
+        return None
+    return None if image is None else image.astype(np.uint8, copy=False)
 
 
 def _is_complete(data: bytes) -> bool:
     """False for a JPEG or PNG without its end mark: decoders fill the missing rest with grey."""
-    tail = data.rstrip(b"\x00\r\n")
     if data.startswith(b"\xff\xd8\xff"):
-        return b"\xff\xd9" in tail[-64 * 1024 :]
+        return _has_end(data)
     if data.startswith(b"\x89PNG\r\n\x1a\n"):
-        return b"IEND" in data[-64 * 1024 :]
+        return b"IEND" in data
     return True
+
+
+def _has_end(jpeg: bytes) -> bool:
+    """Whether the end mark follows the segments and scans (ITU-T T.81, annex B), before anything appended.
+
+    A thumbnail with an end mark of its own is inside a segment.
+    """
+    at = 2
+    while marker := _MARKER.search(jpeg, at):
+        at = marker.end()
+        if marker[1] == b"\xd9":
+            return True
+        at += int.from_bytes(jpeg[at : at + 2], "big")
+    return False

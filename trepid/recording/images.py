@@ -4,10 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
-import numpy as np
-
 from trepid.config import InputError
+from trepid.images.files import decoded_image
 from trepid.messages import CompressedFrame, Frame
 from trepid.recording.foreign import messages_of, types_of
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, Topic
@@ -57,5 +55,4 @@ def decoded(message: Frame | CompressedFrame) -> Image | None:
     """The image of a message; None for a JPEG that cannot be decoded."""
     if isinstance(message, Frame):
         return message.image
-    image = cv2.imdecode(np.frombuffer(message.jpeg, np.uint8), cv2.IMREAD_COLOR)
-    return None if image is None else image.astype(np.uint8, copy=False)
+    return decoded_image(message.jpeg)

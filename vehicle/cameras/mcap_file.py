@@ -52,14 +52,27 @@ def _chosen(wanted: str | None, topics: dict[str, str], path: Path) -> str:
 
 
 def mcap_shots(path: Path, topic: str, ros_type: str) -> Iterator[Shot]:
-    """The images of ``topic`` in the order of the file."""
+    """The images of ``topic`` in the order of the file.
+
+    The image of a malformed message cannot be decoded; its time is that of logging, less the delay of the image
+    before it. Malformed messages before the first image have no time and are left out.
+    """
+    delay_s: float | None = None
     for logged_s, data in messages_of(path, topic):
         where = f"{path}: {topic} at {logged_s:.3f} s"
         try:
             image = ros_image(data, ros_type)
         except WireError as error:
-            raise InputError(f"{where}: {error}") from error
-        yield Shot(logged_s if image.stamp_s is None else image.stamp_s, partial(_decoded, image, where))
+            if delay_s is not None:
+                yield Shot(logged_s - delay_s, partial(_refused, f"{where}: {error}"))
+            continue
+        t_s = logged_s if image.stamp_s is None else image.stamp_s
+        delay_s = logged_s - t_s
+        yield Shot(t_s, partial(_decoded, image, where))
+
+
+def _refused(reason: str) -> Image:
+    raise InputError(reason)
 
 
 def _decoded(image: RosImage, where: str) -> Image:

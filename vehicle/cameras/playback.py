@@ -56,7 +56,7 @@ class Playback:
         """``shots``: begins the recording anew. Raises InputError when it has no frame."""
         self._shots, self._now_s, self._pace, self._loop, self._sleep = shots, now_s, pace, loop, sleep
         self._timed = self._times()
-        self._dropped = 0
+        self._dropped = self._malformed = 0
         self.trouble = ""
         self._next = next(self._timed, None)
         if self._next is None:
@@ -69,10 +69,11 @@ class Playback:
         return self._next is None
 
     def values(self) -> Values:
-        """Origin of the stamps, and the number of frames that were due before they were read."""
+        """Origin of the stamps, and numbers of frames: due before they were read, and not decodable."""
         return (
             ("stamped_by", "recording" if self._pace else "reading"),
             ("dropped_frames", str(self._dropped)),
+            ("malformed_images", str(self._malformed)),
         )
 
     def close(self) -> None:
@@ -114,6 +115,7 @@ class Playback:
         try:
             image = shot.decode()
         except InputError as error:
+            self._malformed += 1
             self.trouble = str(error)
             return None
         self.trouble = "" if self._next is not None else "the recording has ended"

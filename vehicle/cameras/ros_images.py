@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from trepid.clock import NANO, seconds
+from trepid.images.files import decoded_image
 from trepid.types import Image
 from trepid.wire import STORE, WireError
 
@@ -66,12 +67,18 @@ def _raw(ros: Any) -> Image:
         raise WireError(f"an image of {size} is not one of encoding {ros.encoding!r}")
     rows = np.asarray(ros.data)[: ros.step * ros.height].reshape(ros.height, ros.step)[:, :width_bytes]
     image = np.ascontiguousarray(rows).reshape(ros.height, ros.width, pixel_bytes)
-    return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion), np.uint8)
+    if conversion is None:
+        return image
+    try:
+        return np.asarray(cv2.cvtColor(image, conversion), np.uint8)
+    except cv2.error as error:  # such as a Bayer pattern of 1 x 1 px
+        size = f"{ros.width} x {ros.height} px"
+        raise WireError(f"an image of {size} is too small for encoding {ros.encoding!r}") from error
 
 
 def _compressed(ros: Any) -> Image:
     """JPEG, PNG or another format of OpenCV."""
-    image = cv2.imdecode(np.asarray(ros.data), cv2.IMREAD_COLOR) if len(ros.data) else None
+    image = decoded_image(np.asarray(ros.data).tobytes())
     if image is None:
         raise WireError(f"a compressed image of format {ros.format!r} cannot be decoded")
-    return np.asarray(image, np.uint8)
+    return image

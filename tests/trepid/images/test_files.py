@@ -1,11 +1,16 @@
-"""The order of image files in a folder."""
+"""The order of image files in a folder, and complete images from them."""
 
 from pathlib import Path
 
+import cv2
+import image_file_rig as rig
+import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trepid.images.files import natural_order
+from trepid.config import InputError
+from trepid.images.files import natural_order, read_image
 
 
 def ordered(*names: str) -> list[str]:
@@ -35,3 +40,53 @@ def test_plain_counters_are_in_order_of_their_values(numbers: list[int]) -> None
 @given(st.sets(st.text("ab01.é²", min_size=1), min_size=1))
 def test_the_order_is_total_for_any_names(names: set[str]) -> None:
     assert ordered(*sorted(names)) == ordered(*sorted(names, reverse=True))
+
+
+PICTURE = np.random.default_rng(3).integers(0, 255, (120, 160, 3)).astype(np.uint8)
+
+
+def coded(suffix: str, picture: np.ndarray = PICTURE, *parameters: int) -> bytes:
+    return bytes(cv2.imencode(suffix, picture, parameters)[1])
+
+
+def with_thumbnail(jpeg: bytes) -> bytes:
+    """The JPEG with another one in its segment APP1, as cameras write it."""
+    body = b"Exif\0\0" + coded(".jpg", PICTURE[:30, :40])
+    return jpeg[:2] + b"\xff\xe1" + (len(body) + 2).to_bytes(2, "big") + body + jpeg[2:]
+
+
+JPEGS = {
+    "baseline": coded(".jpg"),
+    "progressive": coded(".jpg", PICTURE, cv2.IMWRITE_JPEG_PROGRESSIVE, 1),
+    "with restart marks": coded(".jpg", PICTURE, cv2.IMWRITE_JPEG_RST_INTERVAL, 2),
+    "with a thumbnail": with_thumbnail(coded(".jpg")),
+}
+
+
+@pytest.mark.parametrize("kind", JPEGS)
+def test_a_jpeg_is_complete_with_its_own_end_mark_whatever_follows_it(kind: str, tmp_path: Path) -> None:
+    whole, path = JPEGS[kind], tmp_path / "a.jpg"
+    for trailer in (
+        b"",
+        b"\0\0",
+        b"ftypmp42" + bytes(range(256)) * 1000,
+    ):  # such as the film of a motion photo
+        path.write_bytes(whole + trailer)
+        assert read_image(path).shape == PICTURE.shape
+    for share in (0.02, 0.4, 0.9):
+        path.write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(InputError, match="truncated"):
+            read_image(path)
+
+
+def test_a_png_may_be_followed_by_other_data(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(coded(".png") + bytes(100_000))
+    assert (read_image(path) == PICTURE).all()
+
+
+def test_an_image_of_too_many_pixels_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "huge.png"
+    path.write_bytes(rig.png_of_size(60000, 60000))
+    with pytest.raises(InputError, match=r"huge\.png: not an image that can be decoded$"):
+        read_image(path)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from camera_source_rig import ManualClock, drive, folder_of, number_of, video_of
+from image_file_rig import png_of_size
 
 from trepid.config import InputError, use_car
 from trepid.images.files import images_in
@@ -50,6 +51,15 @@ def test_a_path_leads_into_the_folder_of_the_car_first(
     source = ImageFolder(FolderSettings(path="frames", pace=0), drive(ManualClock()))
     assert numbers(source) == [0, 1]
     use_car(None)
+
+
+def test_an_image_of_too_many_pixels_is_reported_and_the_next_one_comes(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path / "frames", 3)
+    (folder / "1.png").write_bytes(png_of_size(60000, 60000))
+    source = ImageFolder(FolderSettings(path=str(folder), pace=0), drive(ManualClock()))
+    frames = [source.read(timeout_s=0.0) for _ in range(3)]
+    assert [None if frame is None else number_of(frame.image) for frame in frames] == [0, None, 2]
+    assert ("malformed_images", "1") in source.values()
 
 
 @pytest.mark.parametrize("kind", ["missing", "text", "empty", "folder"])

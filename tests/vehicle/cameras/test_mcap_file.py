@@ -63,6 +63,26 @@ def test_images_without_stamps_play_by_the_time_of_logging(tmp_path: Path) -> No
     assert frames_of(foreign.bag(tmp_path / "bag", {"/image": images(4, stamped=False)})) == EXPECTED
 
 
+@pytest.mark.parametrize("stamped", [True, False])
+def test_malformed_messages_are_counted_and_the_frames_around_them_play(
+    stamped: bool, tmp_path: Path
+) -> None:
+    ros_type, data = images(5, stamped=stamped)
+    logged_ns = 86400 * SECOND  # the clock of the recorder is another one
+    messages = [(at + logged_ns, message) for at, message in data]
+    messages[0] = messages[0][0], b"no message"
+    messages[2] = messages[2][0], messages[2][1][:40]
+    path = foreign.bag(tmp_path / "bag", {"/image": (ros_type, messages)})
+    clock, found = ManualClock(0.0), []
+    source = McapFile(McapSettings(path=str(path)), drive(clock))
+    while not source.ended:
+        frame = source.read(timeout_s=0.0)
+        found += [(round(frame.t_s, 6), number_of(frame.image))] if frame is not None else []
+        clock.sleep(0.01)
+    assert found == [(0.0, 1), (0.2, 3), (0.3, 4)]
+    assert ("malformed_images", "1") in source.values()  # the first one has no time
+
+
 def test_a_recording_of_trepid_plays(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     with Recording(path) as recording:

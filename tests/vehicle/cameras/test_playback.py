@@ -96,6 +96,7 @@ def test_a_frame_that_cannot_be_decoded_is_reported_and_the_next_one_comes() -> 
     source = Playback(lambda: iter(shots), now_s=clock, pace=1.0, loop=False, sleep=clock.sleep)
     assert source.read(timeout_s=1.0) is None and source.trouble == "frame 0 is broken"
     assert source.read(timeout_s=1.0) is not None
+    assert ("malformed_images", "1") in source.values()
 
 
 def test_a_recording_without_frames_is_refused() -> None:

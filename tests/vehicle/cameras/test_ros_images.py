@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from image_file_rig import png_of_size
 
 from trepid.types import Image
 from trepid.wire import WireError
@@ -69,6 +70,20 @@ def test_an_unknown_encoding_is_named(encoding: str) -> None:
 def test_an_image_with_too_few_bytes_is_refused() -> None:
     with pytest.raises(WireError, match="is not one of encoding"):
         ros_image(foreign.image(BGR[:, :, :2], "bgr8"), IMAGE).decode()
+
+
+def test_a_compressed_image_of_too_many_pixels_is_refused() -> None:
+    huge = foreign.compressed_bytes(png_of_size(60000, 60000), ".png")
+    with pytest.raises(WireError, match="'png' cannot be decoded"):
+        ros_image(huge, COMPRESSED).decode()
+
+
+@pytest.mark.parametrize("encoding", sorted(ENCODINGS))
+@pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 2), (3, 3), (1, 640)])
+def test_an_image_of_any_size_is_decoded_or_refused(encoding: str, size: tuple[int, int]) -> None:
+    pixels = np.zeros((*size, ENCODINGS[encoding][0]), np.uint8)
+    image = decoded(foreign.image(pixels, encoding), IMAGE)
+    assert image is None or image.shape == (*size, 3)
 
 
 def decoded(data: bytes, ros_type: str) -> Image | None:
