@@ -158,7 +158,10 @@ class Device:
         """Open and read the device again and again until the reader is given up."""
         try:
             while not reader.given_up:
-                reason = self._one_opening(reader)
+                try:
+                    reason = self._one_opening(reader)
+                except Exception as error:  # noqa: BLE001 - any fault of the driver; it is reported
+                    reason = _reason(error)
                 with self._changed:
                     if reader.given_up:
                         break
@@ -169,7 +172,7 @@ class Device:
             reader.ended = True
 
     def _one_opening(self, reader: _Reader) -> str:
-        """Open the device and read it until it fails; the reason of the end."""
+        """Open the device and read it until it fails; the reason of the end. Raises what the device raises."""
         capture: Capture | None = None
         try:
             capture = self._inside(reader, self._opener)
@@ -182,8 +185,6 @@ class Device:
                 if not self._inside(reader, capture.grab):
                     return "the device gives no frame: unplugged, or used by another program"
                 self._keep(reader, capture)
-        except (OSError, cv2.error) as error:
-            return " ".join(str(error).split())
         finally:
             if capture is not None:
                 self._inside(reader, capture.release)
@@ -213,3 +214,9 @@ class Device:
             self._trouble = ""
             self._newest = Frame(t_s=t_s, image=np.asarray(image))
             self._changed.notify_all()
+
+
+def _reason(error: Exception) -> str:
+    """The text of an error of the device in one line, with its type where that is not usual."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, OSError | cv2.error) else f"{type(error).__name__} {text}".strip()

@@ -86,6 +86,33 @@ def test_a_camera_that_is_unplugged_and_plugged_in_continues(camera: FakeCamera,
     assert device.trouble == "" and ("reopened", "1") in device.values()
 
 
+@pytest.mark.parametrize("call", ["grab", "retrieve", "release"])
+def test_a_device_that_raises_is_opened_again_and_the_error_reported(
+    camera: FakeCamera, device: Device, call: str
+) -> None:
+    def fail() -> None:
+        raise MemoryError
+
+    camera.give(1)
+    next_frame(device)
+    setattr(camera.handles[0], call, fail)
+    camera.give(2)
+    if call == "release":
+        camera.handles[0].grab = lambda: False  # type: ignore[method-assign]
+    reports: list[str] = []
+
+    def opened_again() -> bool:
+        device.read(timeout_s=0.01)
+        reports.append(device.trouble)
+        return len(camera.handles) == 2
+
+    assert until(opened_again, patience_s=PATIENCE_S)
+    assert "MemoryError" in reports
+    camera.give(7)
+    assert until(lambda: number_of(next_frame(device).image) == 7, patience_s=PATIENCE_S)
+    assert device.trouble == "" and ("reopened", "1") in device.values()
+
+
 def test_the_handle_of_an_unplugged_camera_is_released(camera: FakeCamera, device: Device) -> None:
     camera.unplug()
     assert until(lambda: camera.handles[0].released, patience_s=PATIENCE_S)
