@@ -1,5 +1,6 @@
 """The CAN actuator: commands as the messages of a map of signals, and the reports of the car as its state."""
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
@@ -85,16 +86,31 @@ class CanActuator:
     def close(self) -> None:
         """Send the safe state: not engaged, ``safe_accel_mps2``, the last angle; nothing before the first command.
 
-        Raises OSError.
+        Raises OSError when it was never sent wholly.
         """
         try:
             if self._last is not None:
                 end = replace(self._last, speed_mps=0.0, accel_mps2=self._map.safe_accel_mps2)
                 quantities = of_command(end, engaged=False, steering_ratio=self._ratio)
-                for _ in range(LAST_FRAMES):
-                    self._send(quantities, self._senders)
+                self._send_repeatedly(quantities)
         finally:
             self._wire.close()
+
+    def _send_repeatedly(self, quantities: Mapping[str, float]) -> None:
+        """Send all messages ``LAST_FRAMES`` times, about a period apart: a full queue empties meanwhile.
+
+        Raises OSError when none of these rounds was sent wholly.
+        """
+        failures: list[OSError] = []
+        for number in range(LAST_FRAMES):
+            if number:
+                time.sleep(min(message.period_s for message in self._map.commands))
+            try:
+                self._send(quantities, self._senders)
+            except OSError as error:
+                failures.append(error)
+        if len(failures) == LAST_FRAMES:
+            raise failures[-1]
 
 
 class Reports:

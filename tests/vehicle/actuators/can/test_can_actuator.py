@@ -209,6 +209,36 @@ def test_a_refused_frame_is_a_failure_of_the_wire_and_the_other_messages_are_tri
     monkeypatch.undo()
 
 
+def test_a_refused_frame_does_not_keep_the_safe_state_from_being_sent_again(one, monkeypatch):
+    send, refusals = one.actuator._wire._bus.send, iter([OSError(105, "No buffer space available")])
+
+    def refuse_once(message, timeout):
+        for refusal in refusals:
+            raise refusal
+        send(message, timeout)
+
+    one.actuator.write(can_rig.command(), now_s=1.0)
+    one.sent()
+    monkeypatch.setattr(one.actuator._wire._bus, "send", refuse_once)
+    one.actuator.close()
+    addresses = [message.arbitration_id for message in one.sent()]
+    assert (addresses.count(STEERING), addresses.count(ACCELERATION)) == (2, 3)
+
+
+def test_a_safe_state_that_was_never_sent_is_a_failure_after_all_attempts(one, monkeypatch):
+    tried = []
+
+    def refuse(message, timeout):
+        tried.append(message.arbitration_id)
+        raise OSError(105, "No buffer space available")
+
+    one.actuator.write(can_rig.command(), now_s=1.0)
+    monkeypatch.setattr(one.actuator._wire._bus, "send", refuse)
+    with pytest.raises(OSError, match="No buffer space"):
+        one.actuator.close()
+    assert tried == 3 * [STEERING, ACCELERATION]
+
+
 @pytest.mark.parametrize(
     ("interface", "channel"), [("no_such_interface", "can0"), ("socketcan", "no_such_channel")]
 )
