@@ -25,8 +25,9 @@ class CanWire:
         """Only the addresses ``wanted`` are received. Raises InputError when python-can cannot open the bus."""
         try:
             self._bus = can.Bus(interface=settings.interface, channel=settings.channel, **settings.options)
-        except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError) as error:
-            what = " ".join(str(error.__cause__ or error).split())
+        except Exception as error:  # each interface raises its own, such as NameError without its library
+            cause = error.__cause__ or error
+            what = f"{type(cause).__name__}: {' '.join(str(cause).split())}"
             raise InputError(
                 f"can: interface {settings.interface}, channel {settings.channel}: cannot be opened: {what}; "
                 "`ip link` lists the interfaces of SocketCAN, actuator.yaml names the one to use"

@@ -251,6 +251,27 @@ def test_a_bus_that_does_not_open_is_one_line_with_the_remedy(interface, channel
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize("error", [NameError("name 'canOpenChannel' is not defined"), RuntimeError("a\nb")])
+def test_whatever_an_interface_raises_is_one_line_with_the_place(monkeypatch, error):
+    def fail(**_):
+        raise error
+
+    monkeypatch.setattr(can, "Bus", fail)
+    settings = CanSettings(interface="kvaser", channel="0", map=can_rig.FOLDER / "map.yaml")
+    with pytest.raises(InputError, match=r"^can: interface kvaser, channel 0: cannot be opened: ") as refused:
+        CanActuator(settings, Car(can_rig.VEHICLE, None, lambda: 0.0))
+    assert type(error).__name__ in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_an_option_of_the_wrong_type_is_one_line():
+    options = {"hop_limit": "x", "port": 43199}
+    settings = CanSettings(
+        interface="udp_multicast", channel="239.74.163.2", options=options, map=can_rig.FOLDER / "map.yaml"
+    )
+    with pytest.raises(InputError, match=r"interface udp_multicast.*cannot be opened"):
+        CanActuator(settings, Car(can_rig.VEHICLE, None, lambda: 0.0))
+
+
 @pytest.mark.skipif(
     not Path("/sys/class/net/vcan0").exists(), reason="no interface vcan0: `ip link add vcan0 type vcan`"
 )
