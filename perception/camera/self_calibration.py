@@ -10,7 +10,7 @@ from pydantic import Field
 
 from perception.camera.grey import small_grey
 from perception.camera.road_lines import Segments, segments
-from trepid.car.camera import Camera
+from trepid.car.camera import PITCH_BOUND_RAD, Camera
 from trepid.config import Settings
 from trepid.types import Array, Positive, Share
 
@@ -47,12 +47,15 @@ class VanishingPoint(NamedTuple):
 def self_calibrated(images: Sequence[NDArray[np.uint8]], settings: SelfCalibrationSettings) -> Camera:
     """A typical windscreen camera for ``images`` of equal size, with the median horizon of their vanishing points.
 
-    A flat road straight ahead vanishes at v = cy − f·tan(pitch), so pitch = atan((cy − v)/f).
+    A flat road straight ahead vanishes at v = cy − f·tan(pitch), so pitch = atan((cy − v)/f). In an image much
+    higher than wide this is beyond the bounds of a :class:`Camera`, and the pitch is the steepest one.
     """
     height_px, width_px = (max(size, MIN_CAMERA_PX) for size in images[0].shape[:2])
     horizon = float(np.median([vanishing_point(image, settings).y for image in images]))
     focal_px = settings.focal_per_width * width_px
     centre_y_px = (height_px - 1) / 2
+    steepest_rad = math.nextafter(PITCH_BOUND_RAD, 0.0)
+    pitch_rad = math.atan((centre_y_px - horizon * height_px) / focal_px)
     return Camera(
         width_px=width_px,
         height_px=height_px,
@@ -63,7 +66,7 @@ def self_calibrated(images: Sequence[NDArray[np.uint8]], settings: SelfCalibrati
         x_m=settings.ahead_of_rear_axle_m,
         y_m=0.0,
         height_m=settings.height_m,
-        pitch_down_rad=math.atan((centre_y_px - horizon * height_px) / focal_px),
+        pitch_down_rad=max(-steepest_rad, min(steepest_rad, pitch_rad)),
         yaw_rad=0.0,
     )
 

@@ -167,6 +167,14 @@ def test_unreadable_images_of_a_folder_are_named_and_left_out(folder, capsys):
     ]
 
 
+def test_an_image_of_any_shape_gives_a_result_among_the_others(folder, capsys):
+    for name, height, width in (("tall", 3000, 20), ("wide", 20, 3000), ("point", 1, 1), ("row", 1, 3000)):
+        cv2.imwrite(str(folder / f"{name}.png"), np.full((height, width, 3), 99, np.uint8))
+    for estimator in ("cv", "cnn", "lead"):
+        assert estimate([folder], estimator=estimator, as_json=True) == 0
+        assert len(lines(capsys)) == 6
+
+
 def test_strict_ends_at_the_first_unreadable_image(folder):
     (folder / "aa.png").write_text("no image")
     with pytest.raises(InputError, match=r"aa\.png"):

@@ -16,6 +16,8 @@ from pydantic import Field
 from trepid.config import Settings
 from trepid.types import Array, Positive
 
+PITCH_BOUND_RAD = 1.2  # of a camera that looks along the road
+
 
 class Camera(Settings):
     """Intrinsics of the working image and the mounting on the vehicle (``config/camera.yaml``)."""
@@ -30,7 +32,7 @@ class Camera(Settings):
     x_m: float  # ahead of the rear axle
     y_m: float  # left of the centre line
     height_m: Positive
-    pitch_down_rad: Annotated[float, Field(gt=-1.2, lt=1.2)]
+    pitch_down_rad: Annotated[float, Field(gt=-PITCH_BOUND_RAD, lt=PITCH_BOUND_RAD)]
     yaw_rad: float
 
     @property
