@@ -21,13 +21,14 @@ from perception.images.frames import (
 )
 from perception.images.sources import Source
 from perception.lead.detection import Detection
-from perception.lead.finder import LeadSettings, lead_finder, lead_settings
+from perception.lead.finder import LeadFinder, LeadSettings, lead_finder, lead_settings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import LeadVehicle
+from trepid.messages import Frame, LeadVehicle
 from trepid.types import Image
 
+SAME_LEFT, SAME_AHEAD = 0.7, 4.0  # heights of a vehicle between a leader, from the bumper, and its detection
 OTHER = (190, 150, 60)
 LEAD_STILL_CONFIDENCE = (
     0.5  # a still cannot be confirmed by the next frame: least confidence of a vehicle in it
@@ -36,7 +37,7 @@ COLUMNS = ("file", "frame", "lead m", "left m", "conf.", "vehicles", "ms")
 
 
 class Leads(NamedTuple):
-    """The vehicles in one frame."""
+    """The vehicles in one frame, in the world of the car."""
 
     lead: LeadVehicle
     detections: list[Detection]
@@ -76,9 +77,15 @@ def lead_results(
 
 
 def _step(settings: LeadSettings, source: Source, camera: Camera) -> Step[Leads]:
-    """A fresh finder; without odometry it measures no speeds."""
-    finder = lead_finder(settings, camera, load(CONFIG_DIR / "vehicle.yaml", Vehicle))
-    return lambda frame: Leads(finder.step(frame, None, [], now_s=frame.t_s), finder.detections)
+    """A fresh finder."""
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    return partial(leads_in, lead_finder(settings, camera, vehicle), vehicle.scale)
+
+
+def leads_in(finder: LeadFinder, scale: float, frame: Frame) -> Leads:
+    """What ``finder`` finds in ``frame`` on a car of this scale; without odometry it measures no speeds."""
+    lead = finder.step(frame, None, [], now_s=frame.t_s)
+    return Leads(lead, [detection.scaled(scale) for detection in finder.detections])
 
 
 def drawn(one: FrameResult[Leads]) -> Image:
@@ -108,7 +115,8 @@ def drawn(one: FrameResult[Leads]) -> Image:
 def _is_lead(detection: Detection, lead: LeadVehicle) -> bool:
     if lead.lateral_m is None or lead.distance_m is None:
         return False
-    return abs(detection.left_m - lead.lateral_m) < 1.0 and abs(detection.ahead_m - lead.distance_m) < 6.0
+    beside_m, ahead_m = abs(detection.left_m - lead.lateral_m), abs(detection.ahead_m - lead.distance_m)
+    return beside_m < SAME_LEFT * detection.height_m and ahead_m < SAME_AHEAD * detection.height_m
 
 
 def as_row(one: FrameResult[Leads]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
 from trepid.types import Image
 
-USUAL_WIDTH_M = 1.8
+USUAL_WIDTH_M, USUAL_HEIGHT_M = 1.8, 1.5
 SAME_AHEAD, SAME_LEFT_M = 1.35, 1.1  # two detections this near (ratio of distances; lateral) are one vehicle
 Cells = NDArray[np.float32]
 """Outputs of the network, shape (STRIPS, 4, CELL_COLUMNS): probability, ahead [ln RATIO], left [m], ln(w/1.8 m)."""
@@ -30,8 +30,14 @@ class Detection(NamedTuple):
     left_m: float
     width_m: float
     confidence: float  # calibrated probability of a vehicle
+    height_m: float = USUAL_HEIGHT_M  # no detector measures it
 
-    def pixels(self, camera: Camera, height_m: float = 1.5) -> tuple[float, float, float, float] | None:
+    def scaled(self, factor: float) -> "Detection":
+        """The detection in a world that is ``factor`` times larger."""
+        ahead_m, left_m, width_m, confidence, height_m = self
+        return Detection(ahead_m * factor, left_m * factor, width_m * factor, confidence, height_m * factor)
+
+    def pixels(self, camera: Camera) -> tuple[float, float, float, float] | None:
         """Upright box (left, top, right, bottom) [px] around it; None when it is behind the camera."""
         depth_m = self.ahead_m - camera.x_m
         if depth_m <= 0.1:
@@ -41,7 +47,12 @@ class Detection(NamedTuple):
             [(self.ahead_m, self.left_m + half_m), (self.ahead_m, self.left_m - half_m)]
         )
         bottom_px = float(feet[:, 1].mean())
-        return float(feet[0, 0]), bottom_px - camera.fy_px * height_m / depth_m, float(feet[1, 0]), bottom_px
+        return (
+            float(feet[0, 0]),
+            bottom_px - camera.fy_px * self.height_m / depth_m,
+            float(feet[1, 0]),
+            bottom_px,
+        )
 
 
 class Detector(Protocol):

@@ -9,7 +9,7 @@ import typer
 
 from perception.images.annotate import label
 from perception.images.frames import FrameResult
-from perception.lead.cli import Leads, drawn
+from perception.lead.cli import drawn, leads_in
 from perception.lead.finder import lead_finder, lead_settings
 from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
@@ -83,10 +83,9 @@ def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Ima
         vehicles=[((*road.position(rear_m, 0.1), road.heading_at(rear_m)), body), (coming, Body())],
         motion=MOTION,
     )
-    settings = lead_settings()
-    finder = lead_finder(settings, camera, vehicle)
-    lead = finder.step(Frame(t_s=0.0, image=image), None, [], now_s=0.0)
-    found = FrameResult(Path("sheet"), 0, 0.0, image, camera, Leads(lead, finder.detections), 0.0)
+    finder = lead_finder(lead_settings(), camera, vehicle)
+    leads = leads_in(finder, vehicle.scale, Frame(t_s=0.0, image=image))
+    found = FrameResult(Path("sheet"), 0, 0.0, image, camera, leads, 0.0)
     canvas = drawn(found)
     (left, right), (top, bottom) = SHARE
     height, width = canvas.shape[:2]
