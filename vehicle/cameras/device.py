@@ -217,6 +217,7 @@ class Device:
 
 
 def _reason(error: Exception) -> str:
-    """The text of an error of the device in one line, with its type where that is not usual."""
+    """The text of an error of the device in one line, with its type where that is not usual or has no text."""
     text = " ".join(str(error).split())
-    return text if isinstance(error, OSError | cv2.error) else f"{type(error).__name__} {text}".strip()
+    usual = isinstance(error, OSError | cv2.error) and text
+    return text if usual else f"{type(error).__name__} {text}".strip()
