@@ -73,13 +73,13 @@ class RosSettings(Settings):
         }
 
 
-def load_settings(driver: AckermannSettings | None) -> RosSettings:
-    """The settings of the car, whose Ackermann driver is ``driver``.
+def load_settings() -> RosSettings:
+    """The settings of the car.
 
     Raises InputError, also for a router on another machine, and for a state that has no use or may be forged.
     """
     settings = load(CONFIG_DIR / "ros.yaml", RosSettings)
-    if settings.state is not None and driver is None:
+    if settings.state is not None and ackermann_driver() is None:
         raise InputError(
             "ros.yaml: state: is that of a car with actuator: ackermann; actuator.yaml names another"
         )
@@ -136,8 +136,7 @@ def quaternion(rotation: Array) -> tuple[float, float, float, float]:
 
 def run(me: Process) -> None:
     """Forward until the process is to stop; without a router of the graph, look for one and report it."""
-    driver = ackermann_driver()
-    settings = load_settings(driver)
+    settings, driver = load_settings(), ackermann_driver()
     topics = settings.forwarded(me.bus.vehicle_name, tuple(me.options.get("estimators", ())), driver)
     tap, camera = me.bus.tap(*topics), load(CONFIG_DIR / "camera.yaml", Camera)
     me.ready()

@@ -68,7 +68,7 @@ def test_a_name_of_a_topic_holds_only_what_ros_allows(name: str, expected: str) 
 
 
 def test_the_default_settings_forward_commands_decisions_estimates_and_compressed_images() -> None:
-    topics = load_settings(None).forwarded("shuttle", ("cv",), None)
+    topics = load_settings().forwarded("shuttle", ("cv",), None)
     assert topics["supervisor/decision"] == RosTopic(
         "/trepid/shuttle/supervisor/decision", "trepid_msgs/msg/Decision"
     )
@@ -78,7 +78,7 @@ def test_the_default_settings_forward_commands_decisions_estimates_and_compresse
 
 
 def test_a_topic_that_is_not_one_of_a_drive_is_refused_with_the_nearest_name() -> None:
-    settings = load_settings(None).model_copy(update={"exclude": ("camera/imagee",)})
+    settings = load_settings().model_copy(update={"exclude": ("camera/imagee",)})
     with pytest.raises(InputError, match=r"no topic 'camera/imagee' in a drive; .*camera/image"):
         settings.forwarded("shuttle", (), None)
 
@@ -88,8 +88,7 @@ DRIVER = "actuator: ackermann\nackermann: {state: odometry, wheel_angle: command
 
 def test_the_limited_command_has_the_name_that_the_driver_of_the_car_expects(car) -> None:
     car(actuator=DRIVER, ros="names: {actuator/command: /ackermann_cmd}\n")
-    driver = ackermann_driver()
-    topics = load_settings(driver).forwarded("shuttle", (), driver)
+    topics = load_settings().forwarded("shuttle", (), ackermann_driver())
     assert topics["actuator/command"] == RosTopic(
         "/ackermann_cmd", "ackermann_msgs/msg/AckermannDriveStamped"
     )
@@ -101,15 +100,18 @@ def test_without_an_ackermann_driver_no_limited_command_is_promised(car) -> None
     with pytest.raises(
         InputError, match=r"'actuator/command' in a drive.*limited command.*actuator: ackermann"
     ):
-        load_settings(None).forwarded("shuttle", (), ackermann_driver())
+        load_settings().forwarded("shuttle", (), ackermann_driver())
 
 
 def test_a_state_from_the_graph_needs_an_ackermann_driver_and_a_drive_without_keys(car) -> None:
-    car(actuator=DRIVER, ros="state: /odom\n", security="keys: keys\n")
+    car(ros="state: /odom\n")
     with pytest.raises(InputError, match="state: is that of a car with actuator: ackermann"):
-        load_settings(None)
+        load_settings()
+    car(actuator=DRIVER)
+    assert load_settings().state == "/odom"
+    car(security="keys: keys\n")
     with pytest.raises(InputError, match="state: comes in the clear"):
-        load_settings(ackermann_driver())
+        load_settings()
 
 
 def test_a_router_on_another_machine_is_refused(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,7 +119,7 @@ def test_a_router_on_another_machine_is_refused(tmp_path, monkeypatch: pytest.Mo
     monkeypatch.setenv(CAR, str(tmp_path))
     assert isinstance(load(CONFIG_DIR / "ros.yaml", RosSettings), RosSettings)
     with pytest.raises(InputError, match="on another machine"):
-        load_settings(None)
+        load_settings()
 
 
 def matrix(w: float, x: float, y: float, z: float) -> np.ndarray:
