@@ -18,7 +18,7 @@ from supervisor.rules.reload import FROM_S, TEXT
 from trepid.config import InputError, default_file
 from trepid.messages import CompressedFrame, Decision, Diagnostic, SteeringEstimate, VehicleState
 from trepid.recording.reader import Recorded, Series, read_recording, read_series
-from trepid.recording.writer import CAR_FILES
+from trepid.recording.writer import rules_name
 from trepid.speech.loudness import note
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -274,8 +274,8 @@ def _diagnostics(series: Mapping[str, Series[Any]]) -> Iterator[Diagnostic]:
 
 def recorded_rules(recorded: Recorded) -> tuple[str, bytes] | None:
     """Name and bytes of the rule file that the drive began with; None where none was recorded."""
-    attached = (file for file in recorded.files.items() if not file[0].startswith(CAR_FILES))
-    return next((file for file in attached if file[0].endswith(".yaml")), None)
+    name = rules_name(recorded.files)
+    return None if name is None else (name, recorded.files[name])
 
 
 def rule_changes(beats: Iterable[Diagnostic], path: Path) -> Iterator[tuple[float, FearRules]]:

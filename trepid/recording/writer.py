@@ -8,7 +8,7 @@ After a crash at most the last half second is missing: see FLUSH_S and :mod:`tre
 """
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Self
@@ -74,6 +74,11 @@ def attachments(rules: Path) -> dict[str, bytes]:
         return {rules.name: rules.read_bytes(), **kept}
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be read: {error.strerror}") from error
+
+
+def rules_name(files: Iterable[str]) -> str | None:
+    """The name of the rule file among the attached ``files``, which is none of the car; None without one."""
+    return next((name for name in files if not name.startswith(CAR_FILES)), None)
 
 
 class Recording:

@@ -57,6 +57,20 @@ def test_every_decision_is_explained_by_its_own_rules(tmp_path: Path) -> None:
     assert drive.rules_from == "fear.yaml, as recorded, changed 1 times during the drive"
 
 
+@pytest.mark.parametrize("name", ["mine.yaml", "mine.yml", "MINE.YAML", "mine"])
+def test_the_recorded_rules_explain_a_drive_whatever_the_name_of_their_file(
+    tmp_path: Path, name: str
+) -> None:
+    rules, path, drive = tmp_path / name, tmp_path / "drive.mcap", Drive.under_way()
+    rules.write_text(OTHER, encoding="utf-8")
+    drive.supervisor.adopt(FearRules.load(rules))
+    with Recording(path, {"car/vehicle.yml": b"", **attachments(rules)}) as file:
+        decision = drive.frame(cv=EDGES)
+        file.add(DECISION.key, to_cdr(decision), at_s=decision.decided_s)
+    held = recall(path)
+    assert held.rules_from == f"{name}, as recorded" and held.repeats(0)
+
+
 def test_rules_given_by_hand_explain_the_whole_drive(tmp_path: Path) -> None:
     record_a_change(tmp_path / "drive.mcap")
     drive = recall(tmp_path / "drive.mcap", SHIPPED)
