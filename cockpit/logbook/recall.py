@@ -14,9 +14,9 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy as np
 
 from supervisor.rules.inference import FearRules
-from supervisor.rules.reload import FROM_S, TEXT
 from trepid.config import InputError, default_file
 from trepid.messages import CompressedFrame, Decision, Diagnostic, SteeringEstimate, VehicleState
+from trepid.recording.notes import RULES, RULES_FROM_S
 from trepid.recording.reader import Recorded, Series, read_recording, read_series
 from trepid.recording.writer import rules_name
 from trepid.speech.loudness import note
@@ -268,12 +268,12 @@ def _diagnostics(series: Mapping[str, Series[Any]]) -> Iterator[Diagnostic]:
         return
     beats = series[DIAGNOSTICS.key]
     for place, data in enumerate(beats.data):
-        if TEXT.encode() in data and (beat := _valid(beats, place)) is not None:
+        if RULES_FROM_S.encode() in data and (beat := _valid(beats, place)) is not None:
             yield beat
 
 
 def recorded_rules(recorded: Recorded) -> tuple[str, bytes] | None:
-    """Name and bytes of the rule file that the drive began with; None where none was recorded."""
+    """Name and bytes of the rule file that the recording began with; None where none was recorded."""
     name = rules_name(recorded.files)
     return None if name is None else (name, recorded.files[name])
 
@@ -282,8 +282,8 @@ def rule_changes(beats: Iterable[Diagnostic], path: Path) -> Iterator[tuple[floa
     """The times at which the supervisor adopted other rules, and these rules. Raises InputError."""
     for diagnostic in beats:
         values = dict(diagnostic.values)
-        if TEXT in values and FROM_S in values:
-            yield float(values[FROM_S]), attached_rules(values[TEXT].encode(), path)
+        if RULES in values and RULES_FROM_S in values:
+            yield float(values[RULES_FROM_S]), attached_rules(values[RULES].encode(), path)
 
 
 def attached_rules(data: bytes, path: Path) -> FearRules:

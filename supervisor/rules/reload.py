@@ -20,12 +20,12 @@ from supervisor.rules.verify import load_verified
 from trepid.config import ROOT, InputError, read_text
 from trepid.messages import Health
 from trepid.processes.process import Values
+from trepid.recording.notes import RULES, RULES_FROM_S
 
 TIMEOUT_S = 60.0  # greatest time to read a file: usually about a second, ten on a busy computer
 SETTLE_MS = 100  # an editor writes a file in several steps
 POLL_MS = 1000  # for file systems that report no changes
 NICENESS = 5
-FROM_S, TEXT = "rules_from_s", "rules"  # values of the diagnostics about changed rules
 
 
 class RuleChange(NamedTuple):
@@ -37,7 +37,7 @@ class RuleChange(NamedTuple):
 
     def values(self, *, from_s: float) -> Values:
         """For a heartbeat, which carries the text into the recording: decisions after ``from_s`` use the rules."""
-        return ((FROM_S, repr(from_s)), (TEXT, self.text))
+        return ((RULES_FROM_S, repr(from_s)), (RULES, self.text))
 
     def adopted(self, adopt: Callable[[FearRules], None]) -> tuple[Health, str]:
         """Pass good rules to ``adopt``; return health and message for the diagnostics topic."""

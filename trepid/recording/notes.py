@@ -16,6 +16,8 @@ from trepid.config import InputError
 
 WHAT, ESTIMATORS, CRUISE, PERIOD = "what", "estimators", "cruise_speed_mps", "lockstep_period_s"
 NETWORKS = "networks"
+RULES_FROM_S, RULES = "rules_from_s", "rules"
+"""Values of the heartbeat about changed rules: the time after which they apply, and their text."""
 _TIMES = ("t_s", "decided_s", "path_t_s")  # of any message
 _ON_GRID = 1e-6  # of a period; a stamp is rounded by less
 

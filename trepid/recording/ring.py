@@ -20,11 +20,15 @@ from pathlib import Path
 from trepid.bus import Tap
 from trepid.clock import seconds
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from trepid.messages import Diagnostic
 from trepid.processes.drive_settings import DriveSettings, RingSettings
 from trepid.processes.register import choose, running
 from trepid.recording.foreign import in_order
+from trepid.recording.notes import RULES, RULES_FROM_S
 from trepid.recording.reader import read_recording
-from trepid.recording.writer import BEGAN, Recording, remove
+from trepid.recording.writer import BEGAN, Recording, remove, rules_name
+from trepid.topics import DIAGNOSTICS
+from trepid.wire import WireError, from_cdr
 
 MB = 1_000_000
 STAMP = "%Y-%m-%d-%H-%M-%S"
@@ -80,6 +84,8 @@ class Ring:
                 self._next(at_s)
             if self._part is not None:
                 self._part.add(key, data, at_s=at_s)
+            if key == DIAGNOSTICS.key and RULES_FROM_S.encode() in data:
+                self._attach_rules(data)
 
     def began_ns(self, stamp_ns: int) -> None:
         """Note the start of the drive in this part and the next ones."""
@@ -92,6 +98,14 @@ class Ring:
         if self._part is not None:
             part, self._part = self._part, None
             part.__exit__()
+
+    def _attach_rules(self, heartbeat: bytes) -> None:
+        """Attach the rules that ``heartbeat`` reports as adopted to the next parts, which may outlive it."""
+        name = rules_name(self._files)
+        with suppress(WireError):  # malformed on the bus
+            values = dict(from_cdr(heartbeat, Diagnostic).values)
+            if name is not None and RULES in values:
+                self._files[name] = values[RULES].encode()
 
     def _next(self, at_s: float) -> None:
         self.close()

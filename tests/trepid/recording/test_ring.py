@@ -4,7 +4,7 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -15,14 +15,15 @@ import pytest
 
 from trepid.cli import main
 from trepid.config import InputError
-from trepid.messages import Stop, VehicleState
+from trepid.messages import Diagnostic, Health, Stop, VehicleState
 from trepid.processes.drive_settings import RingSettings
 from trepid.processes.register import Running, folder, ticks
 from trepid.recording import keeper
 from trepid.recording.keeper import EMERGENCY, INTERVENTION, Events
+from trepid.recording.notes import RULES, RULES_FROM_S
 from trepid.recording.reader import read_recording
 from trepid.recording.ring import Ring, kept, newest, prune, ring_of, ring_settings, secured
-from trepid.topics import DECISION, VEHICLE_STATE
+from trepid.topics import DECISION, DIAGNOSTICS, VEHICLE_STATE
 from trepid.wire import to_cdr
 
 STATE = VehicleState(
@@ -36,8 +37,10 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def written(seconds: int, *, name: str = "a drive", max_mb: float = 1.0) -> Ring:
-    """A ring with ten states a second in parts of 2 s, not closed."""
+def written(
+    seconds: int, *, name: str = "a drive", max_mb: float = 1.0, beats: Mapping[int, bytes] | None = None
+) -> Ring:
+    """A ring with ten states a second in parts of 2 s, not closed; ``beats``: heartbeats by number of a state."""
     waiting: list[Any] = []
     tap: Any = SimpleNamespace(drain=lambda: [waiting.pop(0) for _ in list(waiting)])
     settings = RingSettings(max_mb=max_mb, part_s=2.0, after_s=1.0, max_kept_mb=1.0)
@@ -45,6 +48,7 @@ def written(seconds: int, *, name: str = "a drive", max_mb: float = 1.0) -> Ring
     for number in range(10 * seconds):
         t_s = 100.0 + number / 10
         waiting.append((VEHICLE_STATE.key, to_cdr(replace(STATE, t_s=t_s)), t_s))
+        waiting += [(DIAGNOSTICS.key, beats[number], t_s)] if beats and number in beats else []
         ring.write()
     return ring
 
@@ -79,6 +83,28 @@ def test_a_recorder_that_is_started_again_goes_on_in_the_ring_of_its_drive(tmp_p
     ]
     kept(secured(again.folder), tmp_path / "kept.mcap")
     assert len(read_recording(tmp_path / "kept.mcap", VEHICLE_STATE.key).of(VEHICLE_STATE)) == 60
+
+
+def changed_rules(text: str) -> bytes:
+    """The heartbeat of a supervisor that has adopted the rules ``text``."""
+    values = ((RULES_FROM_S, "103.0"), (RULES, text))
+    return to_cdr(Diagnostic(t_s=103.0, process="supervisor", health=Health.OK, message="", values=values))
+
+
+@pytest.mark.parametrize(
+    ("deleted", "rules"), [(0, b"rules"), (1, b"rules"), (2, b"changed"), (3, b"changed"), (4, b"again")]
+)
+def test_what_is_kept_begins_with_the_rules_of_its_oldest_part(
+    tmp_path: Path, deleted: int, rules: bytes
+) -> None:
+    """They changed in the parts 2 and 4."""
+    malformed = changed_rules("malformed")[:-12]
+    ring = written(9, beats={30: changed_rules("changed"), 70: changed_rules("again"), 72: malformed})
+    ring.close()
+    for part in sorted(ring.folder.glob("*.mcap"))[:deleted]:
+        part.unlink()
+    kept(secured(ring.folder), tmp_path / "kept.mcap")
+    assert read_recording(tmp_path / "kept.mcap").files == {"fear.yaml": rules}
 
 
 @pytest.fixture
