@@ -160,9 +160,9 @@ def _summary(found: dict[str, Any]) -> Iterator[str]:
         for file in ("a", "b"):
             for name in found[f"only_{file}"]:
                 yield f"only in {file.upper()}: {name}"
-        # traces of different lengths differ, also where all common samples are equal
-        same = sum(pair.get("equal", pair["first_difference"] is None) for pair in found["pairs"])
-        yield f"{len(found['pairs'])} pairs compared, {len(found['pairs']) - same} differ"
+        # files of different lengths differ, also where all that is common is equal
+        differ = sum(not pair["equal"] for pair in found["pairs"])
+        yield f"{len(found['pairs'])} pairs compared, {differ} differ"
     else:
         yield _difference(found)
 
@@ -178,8 +178,20 @@ def _difference(found: dict[str, Any]) -> str:
         )
         return f"First difference at {first['t_s']:.2f} s: {changes}"
     if found["kind"] == "recordings":
-        return "No decision differs in mode, cause, fear or speed cap."
+        return _common(found)
     if found["equal"]:
         return f"The traces are equal: trace_sha256 {found['trace_sha256'][0]}"
     a, b = found["samples"]
     return f"No common sample differs; {a} and {b} samples, or other columns"
+
+
+def _common(found: dict[str, Any]) -> str:
+    """What two recordings without a difference have in common, in a line."""
+    if found["equal"]:
+        return "No decision differs in mode, cause, fear or speed cap."
+    a, b = (f"from {first_s:.2f} to {last_s:.2f} s" for first_s, last_s in found["spans_s"])
+    ends = f"A has decisions {a}, B {b}"
+    if found["common_s"] is None:
+        return f"Nothing was compared, because there is no common time: {ends}"
+    first_s, last_s = found["common_s"]
+    return f"No decision of the common {last_s - first_s:.2f} s differs in mode, cause, fear or speed cap; {ends}"

@@ -29,6 +29,7 @@ MEANINGS = {
 }
 """The meaning of each figure but the seconds by mode and cause."""
 FIELDS = ("mode", "cause", "fear", "speed_cap_mps")
+SAME_S = 1e-3  # drives whose ends are no further apart cover the same time
 
 
 def figures(drive: Recall) -> dict[str, float | None]:
@@ -58,13 +59,32 @@ def figures(drive: Recall) -> dict[str, float | None]:
 
 
 def compare_drives(one: Path, other: Path) -> tuple[dict[str, Any], "tuple[Recall, Recall]"]:
-    """The comparison of two recordings, for JSON, and both drives. Raises InputError."""
+    """The comparison of two recordings, for JSON, and both drives. Raises InputError.
+
+    ``spans_s``: times of the first and the last decision of each. ``common_s``: those of the decisions that were
+    compared; None without any. ``equal``: nothing differs, and both cover the same time.
+    """
     first, second = recall(one).decoded(), recall(other).decoded()
+    difference, common = first_difference(first, second), first.t_s[_common(first, second)]
+    spans_s = [_ends(first.t_s), _ends(second.t_s)]
     return {
         "kind": "recordings",
         "figures": side_by_side(figures(first), figures(second)),
-        "first_difference": first_difference(first, second),
+        "equal": difference is None and bool(np.ptp(spans_s, axis=0).max() <= SAME_S),
+        "spans_s": spans_s,
+        "common_s": _ends(common) if len(common) else None,
+        "first_difference": difference,
     }, (first, second)
+
+
+def _ends(t_s: Column) -> list[float]:
+    return [round(float(t_s[0]), 3), round(float(t_s[-1]), 3)]
+
+
+def _common(one: Recall, other: Recall) -> Any:
+    """Indices of the decisions of ``one`` in the time that both drives cover, shape (n,)."""
+    first_s, last_s = max(one.t_s[0], other.t_s[0]), min(one.t_s[-1], other.t_s[-1])
+    return np.flatnonzero((first_s <= one.t_s) & (one.t_s <= last_s))
 
 
 def side_by_side(one: dict[str, Any], other: dict[str, Any]) -> list[dict[str, Any]]:
@@ -79,15 +99,12 @@ def side_by_side(one: dict[str, Any], other: dict[str, Any]) -> list[dict[str, A
 
 def first_difference(one: Recall, other: Recall) -> dict[str, Any] | None:
     """The first time from the start at which mode, cause, fear or speed cap differ; None: nowhere in both."""
-    last_s = min(one.t_s[-1], other.t_s[-1])
-    begin_s = max(one.t_s[0], other.t_s[0])
-    for t_s, decision in zip(one.t_s, one.decisions, strict=True):
-        if not begin_s <= t_s <= last_s:
-            continue
-        found = differences(decision, other.decisions[other.index_at(t_s)])
+    for index in _common(one, other).tolist():
+        t_s = float(one.t_s[index])
+        found = differences(one.decisions[index], other.decisions[other.index_at(t_s)])
         changed = {name: [a, b] for name, a, b in found if name in FIELDS}
         if changed:
-            return {"t_s": round(float(t_s), 3), "fields": changed}
+            return {"t_s": round(t_s, 3), "fields": changed}
     return None
 
 
