@@ -213,6 +213,16 @@ def _derived(message_type: type) -> MessageCodec:
     return MessageCodec(f"trepid_msgs/msg/{message_type.__name__}", encode, decode)
 
 
+def check_fields(message_type: type, store: Any) -> None:
+    """Raise WireError when the definition of ``message_type`` in ``store`` lacks a field that must have a value."""
+    held = {field.name for field in fields(store.types[ros_name(message_type)])}
+    if "header" not in held:
+        raise WireError("it has no field header")
+    for field in fields(message_type):
+        if field.name != "t_s" and field.name not in held:
+            _absent(field)
+
+
 def _absent(field: Field[Any]) -> Any:
     """The value of a missing field. Raises WireError when the field must have a value."""
     if field.default is not MISSING:

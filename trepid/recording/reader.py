@@ -22,7 +22,7 @@ from trepid.config import InputError
 from trepid.recording.scan import records
 from trepid.recording.writer import BEGAN, DRIVE
 from trepid.topics import Topic, topic_of
-from trepid.wire import DERIVED, WireError, definition, from_cdr, ros_name
+from trepid.wire import DERIVED, WireError, check_fields, definition, from_cdr, ros_name
 
 M = TypeVar("M")
 Decoder = Callable[[bytes], Any]
@@ -215,17 +215,17 @@ def _series(topic: Topic[Any], schema: Schema | None, path: Path) -> Series[Any]
 
 
 def _older(message_type: type, text: str, path: Path) -> Decoder:
-    """Decoder by the definition ``text`` of another version of Trepid."""
+    """Decoder by the definition ``text`` of another version of Trepid.
+
+    Raises InputError where it lacks a field without which there is no message.
+    """
     name, store = ros_name(message_type), get_typestore(Stores.EMPTY)
     try:
         store.register(get_types_from_msg(text, name))
     except Exception as error:  # the exceptions of the parser in rosbags are not documented
         raise InputError(f"{path}: its definition of {name} cannot be read") from error
-
-    def decoded(data: bytes) -> Any:
-        try:
-            return from_cdr(data, message_type, store)
-        except WireError as error:
-            raise InputError(f"{path}: {error}") from error
-
-    return decoded
+    try:
+        check_fields(message_type, store)
+    except WireError as error:
+        raise InputError(f"{path}: its definition of {name} does not fit this version: {error}") from error
+    return lambda data: from_cdr(data, message_type, store)

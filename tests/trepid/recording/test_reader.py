@@ -23,6 +23,7 @@ SECONDS = 30
 STATE = m.VehicleState(
     t_s=1.0, speed_mps=3.0, road_wheel_angle_rad=None, yaw_rate_radps=0.1, driver_override=False
 )
+NOTHING = m.SteeringEstimate.nothing(7.0, estimator="cv", lookahead_m=8.0, reason="")
 
 
 def states() -> list[m.VehicleState]:
@@ -42,13 +43,15 @@ def written(path: Path, *, began_s: float | None = None) -> Path:
     return path
 
 
-def foreign(path: Path, key: str, name: str, text: str, data: bytes) -> Path:
+def foreign(path: Path, key: str, name: str, text: str, *messages: bytes) -> Path:
     """A recording written by another program."""
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE)
         writer.start(profile="ros2", library="another")
         schema = writer.register_schema(name, "ros2msg", text.encode())
-        writer.add_message(writer.register_channel(f"/{key}", "cdr", schema), 1, data, 1)
+        channel = writer.register_channel(f"/{key}", "cdr", schema)
+        for at_ns, data in enumerate(messages, start=1):
+            writer.add_message(channel, at_ns, data, at_ns)
         writer.finish()
     return path
 
@@ -181,7 +184,7 @@ def test_two_channels_of_a_topic_are_read_together_unless_their_definitions_diff
         writer = Writer(file, compression=CompressionType.NONE)
         writer.start(profile="ros2", library="another")
         for number, state in enumerate(states()[:2], start=1):
-            changed = text.replace("bool driver_override\n", "") if older and number == 2 else text
+            changed = text.replace("float64 yaw_rate_radps\n", "") if older and number == 2 else text
             schema = writer.register_schema(name, "ros2msg", changed.encode())
             channel = writer.register_channel(f"/{VEHICLE_STATE.key}", "cdr", schema)
             writer.add_message(channel, number, to_cdr(state), number)
@@ -211,29 +214,38 @@ def test_fields_that_an_older_version_lacks_are_absent(tmp_path: Path) -> None:
     assert lead.lateral_m is None and lead.speed_mps is None
 
 
-@pytest.mark.parametrize(
-    ("line", "lacking"), [("string kind\n", "kind"), ("float64[] ahead_sigma_m\n", "ahead_sigma_m")]
-)
-def test_an_estimate_recorded_without_a_field_has_its_default(
-    tmp_path: Path, line: str, lacking: str
-) -> None:
-    """Without a kind it is one of the lane; without deviations it states nothing about them."""
+def without(line: str) -> tuple[str, bytes]:
+    """An older definition of the estimate, without ``line``, and an empty estimate by it."""
     name, now = ros_name(m.SteeringEstimate), definition(m.SteeringEstimate)
     text = now.replace(line, "")
     assert text != now
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(text, name))
-    estimate = m.SteeringEstimate.nothing(7.0, estimator="cv", lookahead_m=8.0, reason="")
-    newer = STORE.deserialize_cdr(to_cdr(estimate), name)
-    fields = [
-        field for field in newer.__dataclass_fields__ if field != lacking and not field.startswith("__")
-    ]
-    kept = {field: getattr(newer, field) for field in fields}
-    data = bytes(store.serialize_cdr(store.types[name](**kept), name))
-    path = foreign(tmp_path / "old.mcap", estimate_topic("cv").key, name, text, data)
+    newer = STORE.deserialize_cdr(to_cdr(NOTHING), name)
+    kept = {field.name: getattr(newer, field.name) for field in dataclasses.fields(store.types[name])}
+    return text, bytes(store.serialize_cdr(store.types[name](**kept), name))
+
+
+WITHOUT_ESTIMATOR, _ = without("string estimator\n")
+
+
+@pytest.mark.parametrize("line", ["string kind\n", "float64[] ahead_sigma_m\n"])
+def test_an_estimate_recorded_without_a_field_has_its_default(tmp_path: Path, line: str) -> None:
+    """Without a kind it is one of the lane; without deviations it states nothing about them."""
+    text, data = without(line)
+    path = foreign(tmp_path / "old.mcap", estimate_topic("cv").key, ros_name(m.SteeringEstimate), text, data)
     ((_, read),) = read_recording(path, "perception/*").of(estimate_topic("cv"))
-    assert read == estimate
+    assert read == NOTHING
     assert (read.kind, read.ahead_sigma_m) == (m.EstimateKind.LANE, ())
+
+
+def test_a_malformed_message_of_an_older_version_is_left_out_and_counted(tmp_path: Path) -> None:
+    text, data = without("float64[] ahead_sigma_m\n")
+    path, key = tmp_path / "old.mcap", estimate_topic("cv").key
+    foreign(path, key, ros_name(m.SteeringEstimate), text, data, data[:40], data)
+    read = read_recording(path, "perception/*")
+    assert [estimate for _, estimate in read.of(estimate_topic("cv"))] == [NOTHING] * 2
+    assert read.malformed == {key: 1}
 
 
 @pytest.mark.parametrize(
@@ -241,7 +253,12 @@ def test_an_estimate_recorded_without_a_field_has_its_default(
     [
         ("std_msgs/msg/String", "string data\n", "holds std_msgs/msg/String, expected trepid_msgs"),
         (ros_name(m.SteeringEstimate), "float64", "its definition of .* cannot be read"),
-        (ros_name(m.SteeringEstimate), "string data\n", "not a .*SteeringEstimate|it has no field"),
+        (ros_name(m.SteeringEstimate), "string data\n", "does not fit this version: it has no field header"),
+        (
+            ros_name(m.SteeringEstimate),
+            WITHOUT_ESTIMATOR,
+            "does not fit this version: it has no field estimator",
+        ),
     ],
 )
 def test_an_error_names_a_message_of_another_type(tmp_path: Path, name: str, text: str, message: str) -> None:
