@@ -92,6 +92,11 @@ def export(
         print(
             "trepid export: the recording is cut short; exported up to its last whole chunk", file=sys.stderr
         )
+    for key, count in drive.impossible.items():
+        print(
+            f"trepid export: {key}: {count} messages with an impossible capture time give no frame",
+            file=sys.stderr,
+        )
     summary = {
         "file": str(out),
         "format": str(kind),
@@ -100,6 +105,7 @@ def export(
         "to_s": round(drive.frames_s[-1] - drive.zero_s, 6),
         "complete": drive.recorded.complete,
         "malformed": dict(drive.recorded.malformed),
+        "impossible": drive.impossible,
     }
     print(json.dumps(summary) if as_json else f"{out}: {counts['rows']} {_UNITS[kind]}")
     return 0

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from trepid.clock import nanoseconds, seconds
 from trepid.config import InputError
-from trepid.messages import CompressedFrame, Frame, SteeringEstimate
+from trepid.messages import CompressedFrame, SteeringEstimate
 from trepid.recording.images import decoded, recorded_images
 from trepid.recording.reader import read_recording
 from trepid.topics import (
@@ -28,6 +28,14 @@ KEYS = (
 )
 STALE_S = 0.5
 """An older message counts as missing: a node that has ended has no present value."""
+OLDEST_S, CLOCKS_S = 10.0, 0.1
+"""The capture time of an image or estimate is possible from OLDEST_S before its arrival to CLOCKS_S after it, by
+which the clocks of two machines may differ."""
+
+
+def is_possible(t_s: float, at_s: float) -> bool:
+    """Whether a message that arrived at ``at_s`` can be of a frame captured at ``t_s``."""
+    return -CLOCKS_S <= at_s - t_s <= OLDEST_S
 
 
 class Drive:
@@ -42,7 +50,10 @@ class Drive:
         }
         self._images = recorded_images(path)
         if not self.frames_s:
-            raise InputError(f"{path}: holds no camera image and no estimate of Trepid: nothing to export")
+            why = " with a possible capture time" if self.impossible else ""
+            raise InputError(
+                f"{path}: holds no camera image and no estimate of Trepid{why}: nothing to export"
+            )
 
     @property
     def zero_s(self) -> float:
@@ -56,16 +67,36 @@ class Drive:
 
     @cached_property
     def image_s(self) -> list[float]:
-        """Capture times of the recorded images in the order of the file."""
-        return [message.t_s for message in self._image_messages()]
+        """Capture times of the recorded images in the order of the file, without impossible ones."""
+        return [t_s for t_s, at_s in self._image_times if is_possible(t_s, at_s)]
+
+    @cached_property
+    def _image_times(self) -> list[tuple[float, float]]:
+        """Capture and arrival of every recorded image."""
+        messages = () if self._images is None else self._images.messages()
+        return [(message.t_s, at_s) for at_s, message in messages]
 
     @cached_property
     def frames_s(self) -> list[float]:
-        """Capture times of all camera frames: those recorded, and those that an estimate goes back to."""
+        """Capture times of all camera frames: those recorded, and those that an estimate goes back to.
+
+        Impossible ones are left out.
+        """
         stamps = {nanoseconds(t_s) for t_s in self.image_s}
         for name in self.estimators:
-            stamps |= {nanoseconds(one.t_s) for _, one in self.recorded.of(estimate_topic(name))}
+            estimates = self.recorded.of(estimate_topic(name))
+            stamps |= {nanoseconds(one.t_s) for at_s, one in estimates if is_possible(one.t_s, at_s)}
         return [seconds(stamp) for stamp in sorted(stamps)]
+
+    @cached_property
+    def impossible(self) -> dict[str, int]:
+        """Number of images and estimates with an impossible capture time, by topic."""
+        topics = [estimate_topic(name) for name in self.estimators]
+        times = {topic.key: [(one.t_s, at_s) for at_s, one in self.recorded.of(topic)] for topic in topics}
+        if self._images is not None:
+            times[self._images.topic.key] = self._image_times
+        counts = {key: sum(not is_possible(*both) for both in of_topic) for key, of_topic in times.items()}
+        return {key: count for key, count in counts.items() if count}
 
     def newest(self, topic: Topic[M], at_s: float) -> M | None:
         """The last message of ``topic`` that arrived by ``at_s``; None without one, or older than STALE_S."""
@@ -87,17 +118,15 @@ class Drive:
     def images(self) -> Iterator[tuple[float, Image, bytes | None]]:
         """Capture time, image and, where it was recorded as JPEG, its bytes; in the order of the file.
 
-        Raises InputError for an image that cannot be decoded.
+        Images with an impossible capture time are left out. Raises InputError for an image that cannot be decoded.
         """
-        for message in self._image_messages():
+        for at_s, message in () if self._images is None else self._images.messages():
+            if not is_possible(message.t_s, at_s):
+                continue
             image = decoded(message)
             if image is None:
                 raise InputError(f"{self.path}: the image of {message.t_s:.3f} s cannot be decoded")
             yield message.t_s, image, message.jpeg if isinstance(message, CompressedFrame) else None
-
-    def _image_messages(self) -> Iterator[Frame | CompressedFrame]:
-        if self._images is not None:
-            yield from (message for _, message in self._images.messages())
 
     def _of_frame(self, topic: Topic[M]) -> dict[int, M]:
         if topic.key not in self._by_frame:

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.cli import main
 from trepid.clock import seconds
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import CompressedFrame, VehicleState
+from trepid.messages import CompressedFrame, SteeringEstimate, VehicleState
 from trepid.recording.foreign import in_order
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording
@@ -144,6 +145,35 @@ def test_what_is_missing_or_old_is_empty(tmp_path: Path) -> None:
     fresh = [k for k, t_s in enumerate(at_s) if 0 <= t_s - at_s[3] <= STALE_S]
     assert [k for k, value in enumerate(rows["speed_mps"]) if value is not None] == fresh
     assert set(rows["road_wheel_angle_rad"]) == set(rows["fear"]) == {None}
+
+
+@pytest.mark.parametrize("t_s", [5.0, START_S - 20.0, START_S + 20.0])
+def test_a_message_with_an_impossible_capture_time_gives_no_frame_and_is_counted(
+    tmp_path: Path, export: Any, t_s: float
+) -> None:
+    path, at_s = tmp_path / "d.mcap", [START_S + 0.1 * k for k in range(15)]
+    cv = SteeringEstimate.nothing(0.0, estimator="cv", lookahead_m=8.0, reason="")
+    with Recording(path, {}, {"began_ns": str(round(START_S * 1e9))}) as out:
+        for number, one_s in enumerate(at_s):
+            of_s = t_s if number == 7 else one_s
+            out.add(estimate_topic("cv").key, to_cdr(replace(cv, t_s=of_s)), at_s=one_s + 0.02)
+            out.add(CAMERA_COMPRESSED.key, to_cdr(CompressedFrame(t_s=of_s, jpeg=jpeg())), at_s=one_s + 0.03)
+    rows = rows_of(path)
+    assert rows["t_s"] == pytest.approx([one_s - START_S for one_s in at_s if one_s != at_s[7]])
+    code, shown, err = export(path, tmp_path / "d.mp4", "--rate", 20, "--json")
+    summary = json.loads(shown)
+    assert code == 0 and (summary["rows"], summary["from_s"], summary["to_s"]) == (29, 0.0, 1.4)
+    assert summary["impossible"] == {estimate_topic("cv").key: 1, CAMERA_COMPRESSED.key: 1}
+    assert "perception/cv/estimate: 1 messages with an impossible capture time give no frame" in err
+
+
+def test_a_recording_whose_capture_times_are_all_impossible_is_refused_in_one_line(
+    tmp_path: Path, export: Any
+) -> None:
+    with Recording(tmp_path / "d.mcap") as out:
+        out.add(CAMERA_COMPRESSED.key, to_cdr(CompressedFrame(t_s=5.0, jpeg=jpeg())), at_s=START_S)
+    code, _, err = export(tmp_path / "d.mcap", tmp_path / "d.csv")
+    assert code == 2 and err.count("\n") == 1 and "with a possible capture time" in err
 
 
 def test_csv_and_parquet_hold_the_same_table(drive: Path, tmp_path: Path, export: Any) -> None:
