@@ -25,7 +25,7 @@ _WRAP = 124  # characters of a rule
 @of_valid
 def moment_figure(drive: Recall, story: Story) -> "Figure":
     """The moment that ``story`` explains. Raises InputError when no camera image of it was recorded."""
-    index = drive.index_at(story["moment_s"])
+    index = int(np.argmin(np.abs(drive.t_s - story["moment_s"])))  # the story rounds the time
     frame = drive.frame_at(index)
     if frame is None:
         raise InputError(f"{drive.recorded.path}: no picture was recorded near {story['moment_s']:.1f} s")

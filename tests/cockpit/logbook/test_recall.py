@@ -3,19 +3,22 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from supervisor_rig import ESTIMATE, STATE, Drive
 
 from cockpit.compare.drives import compare_drives
+from cockpit.logbook.moment import moment_figure
 from cockpit.logbook.recall import recall
 from cockpit.logbook.story import overview, story
 from cockpit.logbook.story_text import story_text
 from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import RuleChange
 from trepid.config import CONFIG_DIR, InputError
-from trepid.messages import Decision, Diagnostic, Health
+from trepid.messages import CompressedFrame, Decision, Diagnostic, Health
 from trepid.recording.writer import Recording, attachments
-from trepid.topics import DECISION, DIAGNOSTICS, VEHICLE_STATE
+from trepid.topics import CAMERA_COMPRESSED, DECISION, DIAGNOSTICS, VEHICLE_STATE
 from trepid.wire import to_cdr
 
 SHIPPED = CONFIG_DIR / "fear.yaml"
@@ -144,6 +147,24 @@ def test_what_would_raise_fear_is_not_known_where_no_inputs_are_recorded(tmp_pat
     answer = story(recall(path), 0.0)
     assert answer["raised_by"] is None and answer["next_level"] == "low"
     assert "what would raise fear to low is not known" in story_text(answer)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.0004, 0.0006])
+def test_the_picture_of_a_moment_is_the_frame_of_its_decision(tmp_path: Path, late_s: float) -> None:
+    """The time of the moment is rounded to 1 ms. The number of a frame is its brightness."""
+    path, drive = tmp_path / "drive.mcap", Drive.under_way()
+    with Recording(path, attachments(SHIPPED)) as file:
+        for k in range(1, 6):
+            decision = drive.frame(cv=EDGES)
+            assert decision.t_s is not None
+            jpeg = cv2.imencode(".jpg", np.full((48, 64, 3), 40 * k, np.uint8))[1].tobytes()
+            frame = CompressedFrame(t_s=decision.t_s, jpeg=jpeg)
+            file.add(CAMERA_COMPRESSED.key, to_cdr(frame), at_s=frame.t_s + 0.01)
+            file.add(DECISION.key, to_cdr(decision), at_s=decision.decided_s + late_s)
+    held = recall(path)
+    answer = story(held, float(held.t_s[2]))
+    (image,) = moment_figure(held, answer).axes[0].images
+    assert np.mean(image.get_array()) == pytest.approx(40 * 3, abs=3)
 
 
 @pytest.mark.parametrize(("speed_mps", "slowed_by"), [(None, None), (2.0, "controller")])
