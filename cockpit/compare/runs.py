@@ -27,7 +27,7 @@ def read_runs(path: Path) -> dict[Key, Run]:
             run = json.loads(line)
             name, seed = str(run["scenario"]), int(run["seed"])
             str(run["status"])
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             raise InputError(f"{path}:{number}: not a run; give lines of 'trepid sim run --json'") from error
         found[name, seed, seen[name, seed]] = run
         seen[name, seed] += 1

@@ -21,6 +21,7 @@ from trepid.topics import DECISION
 from trepid.wire import to_cdr
 
 RUN = {"scenario": "circuit", "seed": 0, "status": "passed", "max_fear": 0.25, "realtime_factor": 3.0}
+HUGE = '{"scenario": "x", "seed": 1e400, "status": "passed"}\n'
 
 
 @pytest.fixture
@@ -51,7 +52,7 @@ def test_changed_status_and_figures_of_runs_are_listed_without_the_speed_of_the_
     assert (found["compared"], found["only_a"], found["only_b"]) == (2, [], ["circuit seed 2"])
 
 
-@pytest.mark.parametrize("text", ["", "[1]\n", '{"scenario": "x"}\n', "no json\n"])
+@pytest.mark.parametrize("text", ["", "[1]\n", '{"scenario": "x"}\n', "no json\n", HUGE])
 def test_a_file_without_runs_is_refused_in_one_line(tmp_path: Path, compare: Any, text: str) -> None:
     bad = tmp_path / "bad.jsonl"
     bad.write_text(text)
