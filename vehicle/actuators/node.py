@@ -199,18 +199,22 @@ class Loop:
         if applied.state.speed_mps is not None:
             self.moving = self._node.moves(applied.state)
         self._send_state(reported(applied.state, demand))
-        if failed or wire.failures > self._known:
-            self._me.stepped(Health.ERROR, f"actuator {self._name}: {wire.last}")
+        self._me.stepped(*self._condition(failed, state, demand.reason, ending=ending))
+
+    def _condition(
+        self, failed: bool, state: VehicleState | None, reason: str, *, ending: bool
+    ) -> tuple[Health, str]:
+        """Health and message of the heartbeat; a message begins with STOPPED while the button holds the car."""
+        stopped = STOPPED if self._button.held else ""
+        if failed or self._wire.failures > self._known:
+            health, text = Health.ERROR, f"actuator {self._name}: {self._wire.last}"
         elif state is None:
-            self._me.stepped(Health.WARN, f"actuator {self._name}: the car reports no state")
+            health, text = Health.WARN, f"actuator {self._name}: the car reports no state"
         elif ending:
-            self._me.stepped(Health.WARN, "stops the car before it ends")
-        elif button.held:
-            self._me.stepped(Health.WARN, STOPPED)
-        elif demand.reason:
-            self._me.stepped(Health.WARN, demand.reason)
+            health, text = Health.WARN, "stops the car before it ends"
         else:
-            self._me.stepped()
+            health, text = (Health.WARN if reason or stopped else Health.OK), reason
+        return health, "; ".join(filter(None, (stopped, text)))
 
 
 if __name__ == "__main__":

@@ -8,8 +8,10 @@ import pytest
 from controller.limiter import build as build_limiter
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.topics import COMMAND, DRIVER_INPUT
+from trepid.messages import Health, StopRequest
+from trepid.topics import COMMAND, DRIVER_INPUT, STOP_REQUEST
 from vehicle.actuators.node import ActuatorStep, Loop, Wire, safe_at_end
+from vehicle.driver.stop_button import STOPPED
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
@@ -151,11 +153,16 @@ class Drive:
 
     def __init__(self, command=None, *, with_driver=False):
         self.s, self.command, self._with_driver, self.reasons = 10.0, command, with_driver, []
+        self.stop = None
         self.bus = SimpleNamespace(latest=self._latest, publisher=lambda _: lambda _: None)
 
     def _latest(self, topic):
         message = self.command if topic is COMMAND else None
-        return SimpleNamespace(take=lambda: None, message=message, received_s=message and self.s)
+        return SimpleNamespace(
+            take=lambda: self.stop if topic is STOP_REQUEST else None,
+            message=message,
+            received_s=message and self.s,
+        )
 
     def now_s(self):
         return self.s
@@ -211,3 +218,28 @@ def test_a_car_that_the_driver_has_is_not_stopped_at_the_end(rolling):
 def test_a_standing_car_is_left_at_once(rolling):
     rolling[0]._wire._actuator.speed_mps = 0.0
     assert not turned(rolling, 1).moving
+
+
+class Mute(Rolling):
+    """An actuator whose car rolls and reports nothing."""
+
+    def read(self, *, now_s):
+        return None
+
+
+@pytest.mark.parametrize(
+    ("actuator", "how", "health", "message"),
+    [
+        (Rolling(), {}, Health.WARN, STOPPED),
+        (Rolling(), {"ending": True}, Health.WARN, f"{STOPPED}; stops the car before it ends"),
+        (Mute(), {}, Health.WARN, f"{STOPPED}; actuator can: the car reports no state"),
+        (Faulty(), {}, Health.ERROR, f"{STOPPED}; actuator can: [Errno 100] Network is down"),
+    ],
+)
+def test_a_car_that_the_stop_button_holds_is_reported_as_held_beside_any_fault(
+    node, actuator, how, health, message
+):
+    drive = Drive()
+    drive.stop = StopRequest(t_s=10.0, stop=True)
+    turned((Loop(drive, actuator, "can", node), drive), 1, **how)
+    assert drive.reasons == [health, message]
