@@ -112,7 +112,7 @@ class Hub:
 
     def _send(self, now_s: float) -> None:
         state, jpeg = self._view.state(now_s), b""
-        state["stopping"] = self._stop.pending
+        state |= {"stopping": self._stop.pending, "stop_undelivered": self._stop.undelivered}
         if self._picture is not None:
             picture, _ = self._picture
             jpeg, self._picture = picture.jpeg, None

@@ -8,14 +8,12 @@ from trepid.messages import StopRequest
 from trepid.topics import STOP_REQUEST
 
 REPEAT_S = 0.1
-PATIENCE_S = (
-    10.0  # a stop that is not acknowledged for longer is reported as not delivered, and repeated no more
-)
+UNDELIVERED_S = 1.5  # a stop that is not acknowledged for longer; heartbeats come every second
 RELEASE_S = 0.5
 
 
 class StopSender:
-    """Sends what was pressed last."""
+    """Sends what was pressed last: a stop until it is acknowledged, a release for RELEASE_S at most."""
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
         self._send: Callable[[StopRequest], None] = bus.publisher(STOP_REQUEST)
@@ -25,16 +23,17 @@ class StopSender:
 
     def press(self, stop: bool) -> None:
         """Stop the car, or release the stop."""
-        self._wanted, self._pressed_s = stop, self._clock()
+        if not (stop and self.pending):  # a further press does not make an unacknowledged stop a new one
+            self._wanted, self._pressed_s = stop, self._clock()
         self._publish()
 
     def turn(self, *, held: bool) -> None:
         """Repeat the request while the vehicle process does not report its effect."""
         now_s = self._clock()
-        patience_s = PATIENCE_S if self._wanted else RELEASE_S
-        if self._wanted is None or held is self._wanted or now_s - self._pressed_s > patience_s:
+        given_up = self._wanted is False and now_s - self._pressed_s > RELEASE_S
+        if held is self._wanted or given_up:
             self._wanted = None
-        elif now_s - self._sent_s >= REPEAT_S:
+        elif self.waiting and now_s - self._sent_s >= REPEAT_S:
             self._publish()
 
     @property
@@ -46,6 +45,11 @@ class StopSender:
     def pending(self) -> bool:
         """A stop is sent and not acknowledged yet."""
         return self._wanted is True
+
+    @property
+    def undelivered(self) -> bool:
+        """A stop is pending for so long that the vehicle process has probably not received it."""
+        return self.pending and self._clock() - self._pressed_s > UNDELIVERED_S
 
     def _publish(self) -> None:
         self._sent_s = self._clock()

@@ -90,6 +90,7 @@ class Scene:
         self.estimates: dict[str, SteeringEstimate] = {}  # instead of those on the grey one
         self.path: dict[str, Any] = {}  # further fields of the decision
         self.silent = False
+        self.deaf = False  # the vehicle process receives no request of the stop button
 
 
 class Publisher:
@@ -129,7 +130,7 @@ class Publisher:
             yaw_rate_radps=0.0,
             driver_override=False,
         )
-        request = self._request.take()
+        request = None if scene.deaf else self._request.take()
         self.requests += request is not None
         self.button.hear(request, state, now_s=now_s)
         if self.button.held and scene.speed_mps is not None:

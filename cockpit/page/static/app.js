@@ -24,9 +24,10 @@ function token() {
 }
 
 const key = token();
-async function ask(path, body) {
+async function ask(path, body, patience_ms) {
   const headers = { authorization: `Bearer ${key}` };
   const options = body === undefined ? { headers } : { headers, method: "POST", body: JSON.stringify(body) };
+  if (patience_ms) options.signal = AbortSignal.timeout(patience_ms);
   const answer = await fetch(path, options);
   const found = await answer.json();
   if (!answer.ok) throw new Error(found.error ?? answer.statusText);

@@ -41,7 +41,7 @@ export class Panels {
     put("cap", number(decision?.cap, 1));
     put("driven", number(state.driven, 0));
     put("source", decision?.source ?? "none");
-    if (state.held || state.stopping) this.mode("STOP", "STOP", state.held ? "stopped by the stop button" : "stop button pressed");
+    if (state.held || (state.stopping && !state.stop_undelivered)) this.mode("STOP", "STOP", state.held ? "stopped by the stop button" : "stop button pressed");
     else if (!decision) this.mode("NONE", "NO DATA", "no decision of the supervisor");
     else this.mode(decision.mode, decision.mode, reason(decision, state));
     this.fear(decision);

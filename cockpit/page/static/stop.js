@@ -1,11 +1,14 @@
 // The stop button. One press stops; to drive on takes two, at standstill. Escape anywhere is a press.
-const RETRY_MS = 300, ARMED_MS = 4000, STANDS_MPS = 0.1;
+const ANSWER_MS = 1000, RETRY_MS = 300, ARMED_MS = 4000, STANDS_MPS = 0.1;
+const UNDELIVERED = "The car does NOT confirm the stop; it is sent again and again. Use the switch in the car.";
 const element = id => document.getElementById(id);
 
 export class StopButton {
   constructor(ask) {
     this.ask = ask;
-    this.wanted = false; // pressed here, and not delivered yet
+    this.wanted = false; // pressed here, and not answered by the page process yet
+    this.failure = ""; // of the last request
+    this.undelivered = false;
     this.armed = -Infinity;
     element("stop").addEventListener("click", () => this.press());
     element("release").addEventListener("click", () => this.release());
@@ -18,11 +21,11 @@ export class StopButton {
     element("stop-word").textContent = "stopping";
     while (this.wanted) {
       try {
-        await this.ask("/stop", { stop: true });
+        await this.ask("/stop", { stop: true }, ANSWER_MS);
         this.wanted = false;
-        this.alarm("");
+        this.failed("");
       } catch (error) {
-        this.alarm(`The stop is NOT delivered (${error.message}); trying again. Use the switch in the car.`);
+        this.failed(`The stop is NOT delivered (${error.message}); trying again. Use the switch in the car.`);
         await new Promise(done => setTimeout(done, RETRY_MS));
       }
     }
@@ -38,17 +41,25 @@ export class StopButton {
     }
     this.armed = -Infinity;
     button.textContent = "Drive on";
-    await this.ask("/stop", { stop: false }).catch(error => this.alarm(`Not released: ${error.message}`));
+    await this.ask("/stop", { stop: false }, ANSWER_MS).then(() => this.failed(""), error => this.failed(`Not released: ${error.message}`));
   }
 
   show(state) {
+    this.undelivered = state.stop_undelivered;
+    this.alarm();
     const word = state.held ? "STOPPED" : state.stopping || this.wanted ? "stopping" : "STOP";
     if (element("stop-word").textContent !== word) element("stop-word").textContent = word;
     element("release").hidden = !(state.held && state.speed !== null && Math.abs(state.speed) < STANDS_MPS);
   }
 
-  alarm(text) {
-    element("alarm").textContent = text;
+  failed(why) {
+    this.failure = why;
+    this.alarm();
+  }
+
+  alarm() {
+    const text = this.failure || (this.undelivered ? UNDELIVERED : "");
+    if (element("alarm").textContent !== text) element("alarm").textContent = text;
     element("alarm").hidden = !text;
   }
 }

@@ -175,6 +175,31 @@ def test_stop_is_one_press_and_driving_on_takes_two_at_standstill(seen):
     assert seen.becomes("stop-word", "STOP") and seen.becomes("mode", "KEEP")
 
 
+def test_a_stop_that_the_car_does_not_confirm_raises_an_alarm_and_goes_on(seen):
+    seen.scene.deaf = True
+    seen.click("stop")
+    assert seen.becomes("because", "stop button pressed")
+    assert until(lambda: "does NOT confirm the stop" in seen.text("alarm"), patience_s=PATIENCE_S)
+    assert seen.becomes("mode", "KEEP")  # what the car does
+    seen.click("stop")
+    time.sleep(0.5)
+    assert "does NOT confirm the stop" in seen.text("alarm") and seen.text("stop-word") == "stopping"
+    seen.scene.deaf = False
+    assert seen.becomes("stop-word", "STOPPED") and seen.becomes("alarm", "")
+    assert seen.js("return document.getElementById('alarm').hidden")
+
+
+def test_a_stop_without_an_answer_is_sent_again_after_a_second(seen):
+    """A request to a page process that is frozen has neither an answer nor an error."""
+    os.kill(seen.page.pid, signal.SIGSTOP)
+    try:
+        seen.click("stop")
+        assert until(lambda: "NOT delivered" in seen.text("alarm"), patience_s=PATIENCE_S)
+    finally:
+        os.kill(seen.page.pid, signal.SIGCONT)
+    assert seen.becomes("stop-word", "STOPPED") and seen.becomes("alarm", "")
+
+
 def test_everything_is_done_by_keyboard(seen):
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys

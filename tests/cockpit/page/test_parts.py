@@ -14,7 +14,7 @@ from cockpit.page.feed import Feed
 from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, Timelines, Track
 from cockpit.page.hub import HEADER, Hub, Viewer, packed
 from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px
-from cockpit.page.stop import REPEAT_S, StopSender
+from cockpit.page.stop import REPEAT_S, UNDELIVERED_S, StopSender
 from cockpit.page.view import View
 from trepid.bus import Bus
 from trepid.car.camera import Camera
@@ -181,3 +181,36 @@ def test_a_stop_without_a_viewer_is_repeated_as_often_as_with_one():
         assert pause_s <= REPEAT_S
         air.now_s += pause_s
     assert len(air.stops) >= 0.5 * 2.0 / REPEAT_S
+
+
+def test_a_stop_that_nobody_acknowledges_is_repeated_without_end_and_reported_as_undelivered():
+    air, hub, _, stop = idle_page()
+    stop.press(True)
+    began_s, undelivered_s = air.now_s, []
+    while air.now_s < began_s + 60.0:
+        air.now_s += hub.turn()
+        if stop.undelivered:
+            undelivered_s.append(air.now_s - began_s)
+    assert air.stops[-1].stop and air.stops[-1].t_s > air.now_s - 2 * REPEAT_S
+    assert undelivered_s[0] == pytest.approx(UNDELIVERED_S, abs=2 * REPEAT_S)
+    assert undelivered_s == sorted(undelivered_s) and stop.pending
+    stop.press(True)  # in despair, again
+    assert stop.undelivered
+    stop.press(False)
+    assert not stop.undelivered and not air.stops[-1].stop
+
+
+def test_a_viewer_learns_that_a_stop_is_not_delivered():
+    air, hub, _, stop = idle_page()
+    viewer = Viewer()
+    hub.viewers.add(viewer)
+    stop.press(True)
+    found = []
+    for after_s in (0.0, UNDELIVERED_S + 0.1):
+        air.now_s += after_s
+        viewer.acknowledge()
+        hub.turn()
+        (length,) = HEADER.unpack_from(viewer.next)
+        shown = json.loads(viewer.next[HEADER.size : HEADER.size + length])
+        found.append((shown["stopping"], shown["stop_undelivered"]))
+    assert found == [(True, False), (True, True)]
