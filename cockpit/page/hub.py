@@ -77,7 +77,7 @@ class Hub:
         self._feed.look(looking)
         self._feed.poll()
         pause_s = self._looked(now_s) if looking else self._glimpsed(now_s)
-        self._stop.turn(held=self._view.held)
+        self._stop.turn(self._view.hold(now_s))
         if self._feed.picture is not None:
             self._picture, self._feed.picture = (self._feed.picture, now_s), None
         if looking and self._due(now_s) and any(viewer.ready for viewer in self.viewers):

@@ -19,7 +19,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.processes.page_door import PageDoor, listening, page_token
 from trepid.processes.process import Process, process
-from trepid.topics import CAMERA_COMPRESSED
+from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
 
 MAX_MESSAGE = 2**16  # of a viewer, which sends its token and acknowledgements
 
@@ -58,7 +58,15 @@ def run(me: Process) -> None:
     feed = Feed(me.bus, me.options["estimators"], jpeg=me.has_publisher(CAMERA_COMPRESSED))
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     keeping = KeepDesk(ring=me.options.get("ring"), recorded=me.options.get("record"))
-    view = View(feed, camera, vehicle, what=options.what, drive=options.drive, no_keep=keeping.why_not)
+    view = View(
+        feed,
+        camera,
+        vehicle,
+        holder=me.publisher(VEHICLE_STATE),
+        what=options.what,
+        drive=options.drive,
+        no_keep=keeping.why_not,
+    )
     stop = StopSender(me.bus, me.now_s)
     hub = Hub(feed, view, stop, me.now_s)
     door = PageDoor(options.host, options.port, page_token())

@@ -1,6 +1,7 @@
 """The stop button of the page: requests are repeated until the vehicle process reports that it holds the car."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 from trepid.bus import Bus
 from trepid.clock import Clock
@@ -10,6 +11,13 @@ from trepid.topics import STOP_REQUEST
 REPEAT_S = 0.1
 UNDELIVERED_S = 1.5  # a stop that is not acknowledged for longer; heartbeats come every second
 RELEASE_S = 0.5
+
+
+class Hold(NamedTuple):
+    """What the vehicle process reports of the stop button."""
+
+    t_s: float  # of its heartbeat
+    held: bool
 
 
 class StopSender:
@@ -27,11 +35,12 @@ class StopSender:
             self._wanted, self._pressed_s = stop, self._clock()
         self._publish()
 
-    def turn(self, *, held: bool) -> None:
-        """Repeat the request while the vehicle process does not report its effect."""
+    def turn(self, hold: Hold | None) -> None:
+        """Repeat the request while the vehicle process has not reported its effect since it was pressed."""
         now_s = self._clock()
+        acknowledged = hold is not None and hold.held is self._wanted and hold.t_s > self._pressed_s
         given_up = self._wanted is False and now_s - self._pressed_s > RELEASE_S
-        if held is self._wanted or given_up:
+        if acknowledged or given_up:
             self._wanted = None
         elif self.waiting and now_s - self._sent_s >= REPEAT_S:
             self._publish()

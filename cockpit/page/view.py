@@ -6,6 +6,7 @@ from typing import Any
 from cockpit.page.feed import Feed
 from cockpit.page.history import Timelines, Track
 from cockpit.page.overlay import overlay
+from cockpit.page.stop import Hold
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.messages import CompressedFrame, Decision, SteeringEstimate
@@ -25,10 +26,21 @@ class View:
     """What a page shows of the messages of a :class:`Feed`."""
 
     def __init__(
-        self, feed: Feed, camera: Camera, vehicle: Vehicle, *, what: str, drive: str = "", no_keep: str = ""
+        self,
+        feed: Feed,
+        camera: Camera,
+        vehicle: Vehicle,
+        *,
+        holder: str | None,
+        what: str,
+        drive: str = "",
+        no_keep: str = "",
     ) -> None:
-        """``drive``: another text for every drive; ``no_keep``: why the last minutes cannot be kept."""
-        self._feed, self._camera, self._vehicle = feed, camera, vehicle
+        """``holder``: name of the process that obeys the stop button, the one that publishes the vehicle state.
+
+        ``drive``: another text for every drive; ``no_keep``: why the last minutes cannot be kept.
+        """
+        self._feed, self._camera, self._vehicle, self._holder = feed, camera, vehicle, holder
         self._of_drive = {"what": what, "drive": drive, "no_keep": no_keep}
         self.timelines = Timelines((*SERIES, *feed.estimates))
         self.track = Track(0.5 * vehicle.scale)
@@ -60,12 +72,12 @@ class View:
         feed = self._feed
         decision, state = _fresh_decision(feed.decision, now_s), feed.state.refresh()
         speed_mps = state.speed_mps if state is not None and now_s - state.t_s <= FRESH_S else None
-        report = feed.report
+        report, hold = feed.report, self.hold(now_s)
         return {
             "now": now_s,
             **self._of_drive,
             "says": "" if report is None else report.message,
-            "held": self.held,
+            "held": hold is not None and hold.held,
             "speed": speed_mps,
             "override": bool(state and state.driver_override),
             "true_error": self.track.true,
@@ -78,10 +90,12 @@ class View:
             "driven": round(self.track.driven_m, 1),
         }
 
-    @property
-    def held(self) -> bool:
-        """The vehicle process reports that the stop button holds the car."""
-        return any(STOPPED in beat.message for beat in self._feed.beats.values())
+    def hold(self, now_s: float) -> Hold | None:
+        """What the vehicle process reports of the stop button; None while it is silent."""
+        beat = self._feed.beats.get(self._holder or "")
+        if beat is None or abs(now_s - beat.t_s) > LATE_BEAT_S:
+            return None
+        return Hold(beat.t_s, beat.message.startswith(STOPPED))
 
     def drawn(self, picture: CompressedFrame) -> dict[str, Any]:
         """The overlay of ``picture``: by the estimates and the decision of its frame, or the last ones before."""

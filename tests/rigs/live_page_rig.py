@@ -240,11 +240,9 @@ class LivePage:
             },
             publishes=(STOP_REQUEST.key,),
         )
-        camera = ProcessSpec(
-            "camera", publishes=(CAMERA_COMPRESSED.key,)
-        )  # another one's, which does not run
+        others = {"camera": (CAMERA_COMPRESSED.key,), "vehicle": (VEHICLE_STATE.key,)}  # which do not run
         fleet = Fleet((spec,), vehicle_name="car", endpoint=self.endpoint, clock_offset_ns=self._offset_ns)
-        fleet._session["publishes"] |= {camera.name: camera.publishes}
+        fleet._session["publishes"] |= others
         fleet.__enter__()
         self._fleet = fleet
         deadline_s = time.monotonic() + 20

@@ -61,7 +61,7 @@ class Process:
         self.restarts = assignment.restarts
         self.bus = bus
         self.now_s = epoch_clock(assignment.clock_offset_ns)
-        self._published = frozenset(key for keys in assignment.publishes.values() for key in keys)
+        self._publishers = {key: name for name, keys in assignment.publishes.items() for key in keys}
         self._stop = stop
         self._send = bus.publisher(DIAGNOSTICS)
         self._further: Callable[[], Values] = tuple
@@ -74,7 +74,11 @@ class Process:
 
     def has_publisher(self, topic: Topic[Any]) -> bool:
         """Whether a process of this drive publishes ``topic``, by its entry in ``processes.yaml``."""
-        return topic.key in self._published
+        return topic.key in self._publishers
+
+    def publisher(self, topic: Topic[Any]) -> str | None:
+        """Name of the process of this drive that publishes ``topic``; None without one."""
+        return self._publishers.get(topic.key)
 
     def running(self) -> bool:
         """False after a request to end."""

@@ -14,14 +14,15 @@ from cockpit.page.feed import Feed
 from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, Timelines, Track
 from cockpit.page.hub import HEADER, Hub, Viewer, packed
 from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px
-from cockpit.page.stop import REPEAT_S, UNDELIVERED_S, StopSender
-from cockpit.page.view import View
+from cockpit.page.stop import RELEASE_S, REPEAT_S, UNDELIVERED_S, StopSender
+from cockpit.page.view import LATE_BEAT_S, View
 from trepid.bus import Bus
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import LeadVehicle, StopRequest
-from trepid.topics import CAMERA_COMPRESSED, DECISION, SIM_TRUTH, VEHICLE_STATE
+from trepid.messages import Diagnostic, Health, LeadVehicle, StopRequest
+from trepid.topics import CAMERA_COMPRESSED, DECISION, DIAGNOSTICS, SIM_TRUTH, VEHICLE_STATE
 from trepid.wire import to_cdr
+from vehicle.driver.stop_button import STOPPED
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 
@@ -113,9 +114,21 @@ class Air:
         self.now_s = 100.0
         self.open: list[str] = []
         self.stops: list[StopRequest] = []
+        self.beats: list[Diagnostic] = []
 
-    def stream(self, _: object) -> Any:
-        return SimpleNamespace(drain=list)
+    def stream(self, topic: object) -> Any:
+        return SimpleNamespace(drain=self._taken if topic is DIAGNOSTICS else list)
+
+    def _taken(self) -> list[tuple[Diagnostic, float]]:
+        taken, self.beats = self.beats, []
+        return [(beat, self.now_s) for beat in taken]
+
+    def beat(self, process: str, message: str, t_s: float | None = None) -> None:
+        """A heartbeat of ``process``, sent now or at ``t_s``."""
+        t_s = self.now_s if t_s is None else t_s
+        self.beats.append(
+            Diagnostic(t_s=t_s, process=process, health=Health.WARN, message=message, values=())
+        )
 
     def publisher(self, _: object) -> Any:
         return self.stops.append
@@ -139,7 +152,7 @@ def idle_page() -> tuple[Air, Hub, View, StopSender]:
     air = Air()
     bus = cast(Bus, air)
     feed = Feed(bus, ["cv"])
-    view, stop = View(feed, CAMERA, SHUTTLE, what="test"), StopSender(bus, lambda: air.now_s)
+    view, stop = View(feed, CAMERA, SHUTTLE, holder="car", what="test"), StopSender(bus, lambda: air.now_s)
     return air, Hub(feed, view, stop, lambda: air.now_s), view, stop
 
 
@@ -214,3 +227,54 @@ def test_a_viewer_learns_that_a_stop_is_not_delivered():
         shown = json.loads(viewer.next[HEADER.size : HEADER.size + length])
         found.append((shown["stopping"], shown["stop_undelivered"]))
     assert found == [(True, False), (True, True)]
+
+
+def test_only_a_present_heartbeat_of_the_vehicle_process_reports_that_the_car_is_held():
+    air, hub, view, _ = idle_page()
+
+    def held(process: str, message: str, age_s: float) -> bool:
+        air.now_s += 10.0
+        air.beat(process, message, air.now_s - age_s)
+        hub.turn()
+        return bool(view.state(air.now_s)["held"])
+
+    assert held("car", STOPPED, 0.5) and held("car", f"{STOPPED}; the car reports no state", 0.5)
+    assert not held("car", STOPPED, LATE_BEAT_S + 0.1) and not held("car", STOPPED, -60.0)
+    assert not held("cnn", STOPPED, 0.5) and not held("car", "", 0.5)
+    air.beat("car", STOPPED)
+    hub.turn()
+    assert view.state(air.now_s)["held"]
+    air.now_s += LATE_BEAT_S + 0.1
+    assert not view.state(air.now_s)["held"]
+
+
+def test_a_stop_is_acknowledged_only_by_what_the_vehicle_process_reports_after_the_press():
+    air, hub, _, stop = idle_page()
+    air.beat("car", STOPPED)  # of a stop that was released since
+    hub.turn()
+    air.now_s += 0.1
+    stop.press(True)
+    for process, t_s in (("cnn", air.now_s + 0.2), ("car", air.now_s)):
+        air.now_s += 1.5 * REPEAT_S
+        air.beat(process, STOPPED, t_s)
+        hub.turn()
+        assert stop.pending
+    assert len(air.stops) == 3
+    air.now_s += REPEAT_S
+    air.beat("car", STOPPED)
+    hub.turn()
+    assert not stop.waiting
+
+
+def test_a_release_ends_when_it_is_reported_or_old():
+    for reported in (True, False):
+        air, hub, _, stop = idle_page()
+        stop.press(False)
+        air.now_s += 0.2
+        if reported:
+            air.beat("car", "")
+        hub.turn()
+        assert stop.waiting != reported
+        air.now_s += RELEASE_S
+        hub.turn()
+        assert not stop.waiting

@@ -79,5 +79,5 @@ def test_a_topic_has_a_publisher_when_an_entry_of_the_drive_names_it(bus):
     publishes = {"driver": ("driver/input",)}
     assignment = Assignment(name="one", vehicle_name="v", connect="", clock_offset_ns=0, publishes=publishes)
     me = Process(assignment, bus, threading.Event())
-    assert me.has_publisher(DRIVER_INPUT)
-    assert not me.has_publisher(COMMAND)
+    assert me.has_publisher(DRIVER_INPUT) and me.publisher(DRIVER_INPUT) == "driver"
+    assert not me.has_publisher(COMMAND) and me.publisher(COMMAND) is None
