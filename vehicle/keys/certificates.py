@@ -32,7 +32,8 @@ def create(folder: Path, roles: Iterable[str], hosts: Iterable[str] = ()) -> lis
     """Make the authority and the keys of ``roles`` that are missing in ``folder``; the paths of the new files.
 
     ``hosts`` are names and addresses of machines of the car besides the loopback interface. Existing files are kept
-    as they are. Raises InputError when one file of a pair is missing or a file cannot be written.
+    as they are. Raises InputError when one file of a pair is missing, an existing certificate is not for all
+    ``hosts``, or a file cannot be written.
     """
     for role in (roles := list(dict.fromkeys(roles))):
         if not re.fullmatch(ROLE, role) or role == AUTHORITY:
@@ -41,13 +42,14 @@ def create(folder: Path, roles: Iterable[str], hosts: Iterable[str] = ()) -> lis
             )
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        return _create(folder, roles, [*LOOPBACK, *hosts])
+        return _create(folder, roles, list(hosts))
     except OSError as error:
         raise InputError(f"{error.filename or folder}: {error.strerror}") from error
 
 
 def _create(folder: Path, roles: list[str], hosts: list[str]) -> list[Path]:
     missing = [role for role in roles if not _complete(folder, role)]
+    _check_hosts(folder, [role for role in roles if role not in missing], hosts)
     if not missing:
         return []
     made: list[Path] = []
@@ -59,7 +61,7 @@ def _create(folder: Path, roles: list[str], hosts: list[str]) -> list[Path]:
     signer = _read_key(folder, AUTHORITY)
     for role in missing:
         key = ec.generate_private_key(ec.SECP256R1())
-        signed = _signed(_name(role), key, authority.subject, signer, PROCESS_DAYS, hosts)
+        signed = _signed(_name(role), key, authority.subject, signer, PROCESS_DAYS, [*LOOPBACK, *hosts])
         made += _write(folder, role, key, signed)
     return made
 
@@ -74,6 +76,29 @@ def _complete(folder: Path, role: str) -> bool:
             f"{there}: {absent.name} beside it is missing; remove {there.name} to make both anew"
         )
     return all(exist)
+
+
+def _check_hosts(folder: Path, roles: list[str], hosts: list[str]) -> None:
+    """Raise InputError unless the certificates of ``roles`` are for all ``hosts``."""
+    for host in hosts:
+        short = [role for role in roles if not _is_for(_read_certificate(folder, role), host)]
+        if short:
+            files = ", ".join(f"{role}.crt" for role in short)
+            raise InputError(
+                f"{folder}: {files}: exist and are not for --host {host}; remove them and their .key files, "
+                "and run the command again"
+            )
+
+
+def _is_for(own: Any, host: str) -> bool:
+    """Whether the certificate ``own`` names ``host``, an address or the name of a machine."""
+    try:
+        names = own.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return False
+    return _host(host.lower()).value in [
+        entry.value.lower() if isinstance(entry, x509.DNSName) else entry.value for entry in names
+    ]
 
 
 def _name(common: str) -> Any:
@@ -166,8 +191,13 @@ def _line(error: Exception) -> str:
     return error.strerror or "" if isinstance(error, OSError) else str(error).splitlines()[0]
 
 
-def check_certificate(folder: Path, role: str, now: datetime | None = None) -> None:
-    """Raise InputError unless certificate and key of ``role`` match, and the authority of ``folder`` signed it."""
+def check_certificate(
+    folder: Path, role: str, now: datetime | None = None, *, host: str | None = None
+) -> None:
+    """Raise InputError unless certificate and key of ``role`` match, and the authority of ``folder`` signed it.
+
+    ``host``: where the drive listens; the certificate has to name it, or no process connects to another.
+    """
     now = now or datetime.now(UTC)
     path = certificate(folder, role)
     authority, own = _read_certificate(folder, AUTHORITY), _read_certificate(folder, role)
@@ -184,3 +214,8 @@ def check_certificate(folder: Path, role: str, now: datetime | None = None) -> N
         raise InputError(f"{path}: its common name is not {role}; {again}")
     if not own.not_valid_before_utc <= now <= own.not_valid_after_utc:
         raise InputError(f"{path}: expired on {own.not_valid_after_utc:%Y-%m-%d}; {again}")
+    if host is not None and not _is_for(own, host):
+        raise InputError(
+            f"{path}: is not for {host}, the host of `listen` in security.yaml; remove the .key and .crt of every "
+            f"process, not those of {AUTHORITY}, and run `trepid keys create {folder} --host {host}`"
+        )

@@ -97,6 +97,29 @@ def test_an_expired_certificate_is_refused(keys: Path) -> None:
         check_certificate(keys, "controller", now=datetime.now(UTC) + timedelta(days=1000))
 
 
+def test_keys_that_are_not_for_the_host_of_the_drive_are_refused_before_it_with_the_remedy(
+    keys: Path, tmp_path: Path
+) -> None:
+    create(tmp_path / "several", ["launcher", "controller"], ["10.0.0.5", "fe80::5", "Car.local"])
+    for listen in ("127.0.0.2:7447", "10.0.0.5:7447", "[fe80::5]:7447", "car.local:7447"):
+        host = listen.rpartition(":")[0].strip("[]")
+        at = {"listen": listen}
+        with pytest.raises(InputError, match=rf"launcher.crt: is not for {host}, .*keys --host {host}`"):
+            check_keys(["controller"], secured(keys).model_copy(update=at))
+        if host != "127.0.0.2":
+            check_keys(["controller"], secured(tmp_path / "several").model_copy(update=at))
+    check_keys(["controller"], secured(keys).model_copy(update={"listen": "[::1]:7447"}))
+
+
+def test_a_host_that_existing_certificates_do_not_name_is_refused_and_nothing_is_made(keys: Path) -> None:
+    before = contents(keys)
+    with pytest.raises(
+        InputError, match=r"launcher.crt, controller.crt: exist and are not for --host 10.0.0.5"
+    ):
+        create(keys, ["launcher", "controller", "mine"], ["10.0.0.5"])
+    assert contents(keys) == before
+
+
 @pytest.mark.parametrize("name", ["../controller", "ca", "", "a b"])
 def test_a_name_that_is_no_file_name_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot name a process"):
