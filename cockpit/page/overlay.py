@@ -4,7 +4,7 @@ All in pixels of the working image; the browser draws the lines, sharp at any si
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,10 +48,8 @@ def lane_px(estimate: SteeringEstimate, camera: Camera, vehicle: Vehicle) -> dic
         y_m = np.array([lane.y_m(float(x)) for x in x_m])
         half_m = (estimate.lane_width_m or vehicle.lane_width_m) / 2
         left, right = (
-            tuple(map(tuple, line[np.isfinite(line).all(axis=1)].tolist()))
-            for line in (
-                camera.pixel_from_road(np.column_stack([x_m, y_m + side * half_m])) for side in (1, -1)
-            )
+            tuple(map(tuple, camera.pixel_from_road(np.column_stack([x_m, y_m + side * half_m])).tolist()))
+            for side in (1, -1)
         )
     return {"left": _rounded(left), "right": _rounded(right), "confidence": round(estimate.confidence, 2)}
 
@@ -81,7 +79,11 @@ def path_px(decision: Decision, camera: Camera, vehicle: Vehicle) -> list[list[f
 
 def lead_px(lead: LeadVehicle, camera: Camera, vehicle: Vehicle) -> Box | None:
     """Box (left, top, right, bottom) around the rear of the vehicle ahead, as wide as the own one; None unseen."""
-    if lead.distance_m is None or lead.lateral_m is None:
+    if (
+        lead.distance_m is None
+        or lead.lateral_m is None
+        or not math.isfinite(lead.distance_m + lead.lateral_m)
+    ):
         return None
     x_m = vehicle.wheelbase_m + vehicle.front_overhang_m + lead.distance_m
     half_m = vehicle.track_m / 2
@@ -92,5 +94,6 @@ def lead_px(lead: LeadVehicle, camera: Camera, vehicle: Vehicle) -> Box | None:
     return [round(value, 1) for value in (left, bottom - LEAD_HEIGHT * (right - left), right, bottom)]
 
 
-def _rounded(points: Iterable[Iterable[float]]) -> list[list[float]]:
-    return [[round(value, 1) for value in point] for point in points]
+def _rounded(points: Iterable[Sequence[float]]) -> list[list[float]]:
+    """``points`` without those that are not finite."""
+    return [[round(value, 1) for value in point] for point in points if all(map(math.isfinite, point))]

@@ -1,6 +1,7 @@
 """The state of a drive as the page shows it: one dictionary of plain values, null where something is not known."""
 
 import json
+import math
 from typing import Any
 
 from cockpit.page.feed import Feed
@@ -122,6 +123,8 @@ class View:
     def _lead(self, now_s: float) -> dict[str, Any] | None:
         lead = self._feed.lead.refresh()
         if lead is None or lead.distance_m is None or now_s - lead.t_s > FRESH_S:
+            return None
+        if not math.isfinite(lead.distance_m):
             return None
         return {"distance": lead.distance_m, "speed": lead.speed_mps, "confidence": lead.confidence}
 

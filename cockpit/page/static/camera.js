@@ -1,5 +1,6 @@
 // The picture with the lane of each estimator, the fused path and the vehicle ahead.
 import { fitted } from "./colours.js";
+import { number } from "./panels.js";
 
 // On a picture, whatever the scheme of the page: light lines with a dark edge.
 const COLOURS = { cv: "#5cc3ff", cnn: "#ffa25e", other: "#d8d8d8", path: "#35e0a6", lead: "#f29bf5", edge: "rgba(0,0,0,.6)" };
@@ -92,7 +93,7 @@ export class Camera {
     context.font = `600 ${13 * unit}px system-ui, sans-serif`;
     context.lineWidth = 4 * unit;
     context.strokeStyle = "rgba(0,0,0,.8)";
-    const text = `${lead.distance.toFixed(0)} m`;
+    const text = `${number(lead.distance, 0)} m`;
     context.strokeText(text, left, top - 5 * unit);
     context.fillStyle = "#fff";
     context.fillText(text, left, top - 5 * unit);
@@ -101,11 +102,11 @@ export class Camera {
   // The legend: a line for each estimator, with its confidence now.
   names(state) {
     for (const [name, estimate] of Object.entries(state.estimates)) {
-      const text = estimate === null ? "none" : estimate.confidence.toFixed(2);
+      const text = estimate === null ? "none" : number(estimate.confidence, 2);
       entry(this.named, this.legend, name, name in DASHES ? name : "other", `${name} `, text);
     }
     if (state.lead || this.named.has("lead")) {
-      const text = state.lead ? `${state.lead.distance.toFixed(1)} m` : "none";
+      const text = state.lead ? `${number(state.lead.distance, 1)} m` : "none";
       entry(this.named, this.legend, "lead", "lead", "vehicle ahead ", text);
     }
   }
@@ -113,9 +114,9 @@ export class Camera {
   tell(drawn, state) {
     if (performance.now() - this.told < 2000) return; // a screen reader needs no text at every picture
     this.told = performance.now();
-    const lanes = Object.entries(state.estimates).map(([name, one]) => `${name} ${one ? `confidence ${one.confidence.toFixed(2)}` : "no estimate"}`);
+    const lanes = Object.entries(state.estimates).map(([name, one]) => `${name} ${one ? `confidence ${number(one.confidence, 2)}` : "no estimate"}`);
     const path = drawn.path ? `path from ${state.decision?.source ?? "none"}` : "no path";
-    const lead = state.lead ? `, vehicle ahead at ${state.lead.distance.toFixed(0)} metres` : "";
+    const lead = state.lead ? `, vehicle ahead at ${number(state.lead.distance, 0)} metres` : "";
     this.canvas.setAttribute("aria-label", `Camera picture; ${lanes.join(", ")}; ${path}${lead}`);
   }
 }

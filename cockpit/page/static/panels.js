@@ -6,7 +6,7 @@ function put(id, text) {
   const node = typeof id === "string" ? element(id) : id;
   if (node.textContent !== text) node.textContent = text;
 }
-const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
+export const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
 const words = text => text.replaceAll("_", " ");
 
 export class Panels {
@@ -66,8 +66,8 @@ export class Panels {
     put("level", decision ? words(decision.level) : "not known");
     put("cause", decision ? cause(decision) : "");
     dial.dataset.level = decision?.level ?? "";
-    dial.setAttribute("aria-valuenow", value === null ? "0" : value.toFixed(2));
-    dial.setAttribute("aria-valuetext", decision ? `${value.toFixed(2)}, ${words(decision.level)}, ${cause(decision)}` : "not known");
+    dial.setAttribute("aria-valuenow", number(value ?? 0, 2));
+    dial.setAttribute("aria-valuetext", decision ? `${number(value, 2)}, ${words(decision.level)}, ${cause(decision)}` : "not known");
     element("arc").style.strokeDasharray = `${100 * (value ?? 0)} 100`;
   }
 
@@ -77,7 +77,7 @@ export class Panels {
     rules.forEach(([text, strength], at) => {
       const item = list.children[at] ?? list.appendChild(rule());
       put(item.querySelector(".text"), words(text));
-      put(item.querySelector(".strength"), strength.toFixed(2));
+      put(item.querySelector(".strength"), number(strength, 2));
       item.querySelector("i").style.width = `${100 * strength}%`;
     });
   }

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import os
 import signal
 import time
@@ -161,6 +162,14 @@ def test_a_value_that_is_absent_is_a_dash_and_silence_is_no_data(seen):
     assert until(lambda: "no new picture" in seen.text("old"), patience_s=PATIENCE_S)
     seen.scene.silent = False
     assert seen.becomes("mode", "KEEP")
+
+
+def test_a_number_of_an_estimator_that_is_not_finite_is_a_dash_and_the_rest_is_shown(seen):
+    seen.scene.confidence["cv"] = math.nan
+    assert seen.becomes("legend-cv", "–") and seen.becomes("now-cv", "–") and seen.text("mode") == "KEEP"
+    seen.scene.lead_m = math.inf
+    assert seen.becomes("legend-lead", "none") and seen.becomes("mode", "KEEP")
+    assert seen.text("connection") == "live" and seen.text("legend-cnn") == "0.42"
 
 
 def test_stop_is_one_press_and_driving_on_takes_two_at_standstill(seen):

@@ -97,6 +97,23 @@ def test_the_box_of_the_vehicle_ahead_stands_on_the_road_and_is_absent_with_it()
     assert overlay([], None, gone, CAMERA, SHUTTLE)["lead"] is None
 
 
+def test_a_point_that_is_not_finite_is_not_drawn():
+    odd = estimate(left_boundary_px=((60.0, 230.0), (math.nan, 150.0)), right_boundary_px=((math.inf, 1.0),))
+    drawn = lane_px(odd, CAMERA, SHUTTLE)
+    assert drawn["left"] == [[60.0, 230.0]] and drawn["right"] == []
+
+
+@pytest.mark.parametrize("distance_m", [math.nan, math.inf])
+def test_a_vehicle_ahead_at_a_distance_that_is_not_finite_is_absent(distance_m):
+    air, _, view, _ = idle_page()
+    lead = LeadVehicle(
+        t_s=air.now_s, distance_m=distance_m, lateral_m=0.0, speed_mps=None, confidence=math.nan
+    )
+    view._feed.lead.message = lead
+    assert view.state(air.now_s)["lead"] is None
+    assert lead_px(lead, CAMERA, SHUTTLE) is None
+
+
 def test_an_unknown_number_reaches_a_viewer_as_null_at_any_depth():
     message = packed({"inputs": {"age": math.nan, "offset": 0.25}, "line": [(1.0, math.inf)]}, b"jpeg")
     (length,) = HEADER.unpack_from(message)
