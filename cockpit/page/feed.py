@@ -92,8 +92,8 @@ class Feed:
         self.picture: CompressedFrame | None = None
         self.beats: dict[str, Diagnostic] = {}
         """Newest heartbeat by process, the report of the launcher among them."""
-        self.latency_ms: list[float] = []
-        """From the capture of a frame to its command at the actuator, of the frames of the last second."""
+        self.applied: Timing | None = None
+        """Newest report of the vehicle process: when it applied the frames of the second before."""
 
     @property
     def looking(self) -> bool:
@@ -126,7 +126,7 @@ class Feed:
             self.beats[beat.process] = beat
         for timing, _ in self._timing.drain():
             if timing.process == APPLIES:
-                self.latency_ms = _latencies_ms(timing)
+                self.applied = timing
         _take(self._decision, self.decisions)
         for name, watched in self._estimates.items():
             _take(watched, self.estimates[name])
@@ -149,10 +149,6 @@ def _take(watched: Watched[M], into: deque[M]) -> None:
     message = watched.take()
     if message is not None:
         into.append(message)
-
-
-def _latencies_ms(timing: Timing) -> list[float]:
-    return [1e3 * (sent - frame) for frame, sent in zip(timing.frame_s, timing.sent_s, strict=True)]
 
 
 def _compressed(frame: Frame) -> CompressedFrame:

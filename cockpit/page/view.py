@@ -10,12 +10,12 @@ from cockpit.page.overlay import overlay
 from cockpit.page.stop import Hold
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.messages import CompressedFrame, Decision, SteeringEstimate
+from trepid.messages import CompressedFrame, Decision, SteeringEstimate, Timing
 from trepid.processes.register import PROCESS
 from vehicle.driver.stop_button import STOPPED
 
 FRESH_S = 1.0  # older messages are not shown as the present
-LATE_BEAT_S = 2.5  # an older heartbeat: the process is silent
+LATE_BEAT_S = 2.5  # an older heartbeat, or report of times: the process is silent
 RULES_SHOWN = 5
 OVERLAY_S = 0.15  # estimates and decisions this much older than a picture are not drawn on it
 SERIES = ("fear", "speed", "cap", "error", "latency")
@@ -58,7 +58,8 @@ class View:
         fear = decision.fear if decision else None
         self.track.add(state, truth, fear)
         error_m = truth.lateral_offset_m if truth else decision.lateral_offset_m if decision else None
-        latency_ms = sorted(feed.latency_ms)[len(feed.latency_ms) // 2] if feed.latency_ms else None
+        latency = _spread(_latencies_ms(feed.applied, now_s))
+        latency_ms = latency["p50"] if latency else None
         judged = {} if decision is None else dict(zip(decision.inputs, decision.input_values, strict=False))
         confidences = [
             _confidence(list(of_one), now_s) if feed.looking else judged.get(f"{name}_confidence")
@@ -72,20 +73,20 @@ class View:
         """Everything but picture, timelines and path."""
         feed = self._feed
         decision, state = _fresh_decision(feed.decision, now_s), feed.state.refresh()
-        speed_mps = state.speed_mps if state is not None and now_s - state.t_s <= FRESH_S else None
+        state = state if state is not None and now_s - state.t_s <= FRESH_S else None
         report, hold = feed.report, self.hold(now_s)
         return {
             "now": now_s,
             **self._of_drive,
             "says": "" if report is None else report.message,
             "held": hold is not None and hold.held,
-            "speed": speed_mps,
+            "speed": None if state is None else state.speed_mps,
             "override": bool(state and state.driver_override),
             "true_error": self.track.true,
             "decision": None if decision is None else _decision(decision),
             "estimates": {name: _estimate(list(of_one), now_s) for name, of_one in feed.estimates.items()},
             "lead": self._lead(now_s),
-            "latency": _spread(feed.latency_ms),
+            "latency": _spread(_latencies_ms(feed.applied, now_s)),
             "processes": self._processes(now_s),
             "pose": self.track.pose,
             "driven": round(self.track.driven_m, 1),
@@ -181,6 +182,13 @@ def _confidence(newest_last: list[SteeringEstimate], now_s: float) -> float | No
 def _at(estimates: list[SteeringEstimate], t_s: float) -> SteeringEstimate | None:
     fitting = [one for one in estimates if 0.0 <= t_s - one.t_s <= OVERLAY_S]
     return max(fitting, key=lambda one: one.t_s, default=None)
+
+
+def _latencies_ms(applied: Timing | None, now_s: float) -> list[float]:
+    """From the capture of a frame to its command at the actuator, of the frames of the last second."""
+    if applied is None or now_s - applied.t_s > LATE_BEAT_S:
+        return []
+    return [1e3 * (sent - frame) for frame, sent in zip(applied.frame_s, applied.sent_s, strict=True)]
 
 
 def _spread(values: list[float]) -> dict[str, float] | None:

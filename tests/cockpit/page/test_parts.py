@@ -19,8 +19,8 @@ from cockpit.page.view import LATE_BEAT_S, View
 from trepid.bus import Bus
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Diagnostic, Health, LeadVehicle, StopRequest
-from trepid.topics import CAMERA_COMPRESSED, DECISION, DIAGNOSTICS, SIM_TRUTH, VEHICLE_STATE
+from trepid.messages import Diagnostic, Health, LeadVehicle, StopRequest, Timing
+from trepid.topics import CAMERA_COMPRESSED, DECISION, DIAGNOSTICS, SIM_TRUTH, TIMING, VEHICLE_STATE
 from trepid.wire import to_cdr
 from vehicle.driver.stop_button import STOPPED
 
@@ -131,14 +131,12 @@ class Air:
         self.now_s = 100.0
         self.open: list[str] = []
         self.stops: list[StopRequest] = []
-        self.beats: list[Diagnostic] = []
+        self.beats: list[Any] = []
+        self.times: list[Any] = []
 
     def stream(self, topic: object) -> Any:
-        return SimpleNamespace(drain=self._taken if topic is DIAGNOSTICS else list)
-
-    def _taken(self) -> list[tuple[Diagnostic, float]]:
-        taken, self.beats = self.beats, []
-        return [(beat, self.now_s) for beat in taken]
+        sent = {DIAGNOSTICS: self.beats, TIMING: self.times}[topic]
+        return SimpleNamespace(drain=lambda: [(sent.pop(0), self.now_s) for _ in list(sent)])
 
     def beat(self, process: str, message: str, t_s: float | None = None) -> None:
         """A heartbeat of ``process``, sent now or at ``t_s``."""
@@ -295,3 +293,31 @@ def test_a_release_ends_when_it_is_reported_or_old():
         air.now_s += RELEASE_S
         hub.turn()
         assert not stop.waiting
+
+
+def test_the_time_from_frame_to_actuator_is_absent_when_no_frame_is_applied_any_more():
+    air, hub, view, _ = idle_page()
+    frames = (air.now_s - 0.1, air.now_s - 0.06)
+    sent = (frames[0] + 0.020, frames[1] + 0.022)
+    report = Timing(
+        t_s=air.now_s, process="vehicle", frame_s=frames, published_s=frames, received_s=frames, began_s=frames,
+        sent_s=sent,
+    )  # fmt: skip
+    air.times.append(report)
+    hub.turn()
+    view.sample(air.now_s)
+    latency = view.timelines.names.index("latency")
+    assert view.state(air.now_s)["latency"] == {"p50": 22.0, "max": 22.0}
+    assert view.timelines.since(0)[-1][latency] == 22.0
+    air.now_s += LATE_BEAT_S + 0.1
+    hub.turn()
+    view.sample(air.now_s)
+    assert view.state(air.now_s)["latency"] is None and view.timelines.since(0)[-1][latency] is None
+
+
+def test_the_driver_has_the_car_only_by_a_present_state():
+    air, _, view, _ = idle_page()
+    view._feed.state.message = state(air.now_s, speed_mps=4.0, driver_override=True)
+    assert view.state(air.now_s)["override"]
+    shown = view.state(air.now_s + 2.0)
+    assert (shown["override"], shown["speed"]) == (False, None)
