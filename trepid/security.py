@@ -141,14 +141,20 @@ def known_roles(folder: Path) -> list[str]:
 
 
 def check_private(folder: Path, role: str) -> None:
-    """Raise InputError unless the files of ``role`` exist and its private key is readable by its owner alone."""
+    """Raise InputError unless the files of ``role`` exist and its private key is readable by its owner alone.
+
+    The private key of the authority may be elsewhere; in ``folder`` it too has to be readable by its owner alone.
+    """
     key = private_key(folder, role)
     for path in (certificate(folder, AUTHORITY), certificate(folder, role), key):
         if not path.is_file():
             raise InputError(f"{path}: no such file; `trepid keys create {folder} --process {role}` makes it")
-    mode = stat.S_IMODE(key.stat().st_mode)
-    if mode & 0o077:
-        raise InputError(f"{key}: others may read this private key (mode {mode:04o}); run `chmod 600 {key}`")
+    for secret in (key, private_key(folder, AUTHORITY)):
+        mode = stat.S_IMODE(secret.stat().st_mode) if secret.exists() else 0
+        if mode & 0o077:
+            raise InputError(
+                f"{secret}: others may read this private key (mode {mode:04o}); run `chmod 600 {secret}`"
+            )
 
 
 def _tls(folder: Path, role: str) -> dict[str, Any]:

@@ -65,9 +65,13 @@ def test_without_the_key_of_the_authority_nothing_is_added(keys: Path) -> None:
 
 
 def test_a_key_that_others_may_read_is_refused_with_the_remedy(keys: Path) -> None:
-    private_key(keys, "controller").chmod(0o644)
-    with pytest.raises(InputError, match=r"mode 0644\); run `chmod 600 .*controller.key`"):
-        check_keys(["controller"], secured(keys))
+    for role in ("controller", "ca"):
+        private_key(keys, role).chmod(0o644)
+        with pytest.raises(InputError, match=rf"mode 0644\); run `chmod 600 .*{role}.key`"):
+            check_keys(["controller"], secured(keys))
+        private_key(keys, role).chmod(0o600)
+    private_key(keys, "ca").unlink()  # as SECURITY.md advises
+    check_keys(["controller"], secured(keys))
 
 
 def test_a_missing_process_is_named_with_the_remedy(keys: Path) -> None:
