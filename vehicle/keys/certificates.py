@@ -25,6 +25,7 @@ except ImportError as error:
 
 DAY = timedelta(days=1)
 AUTHORITY_DAYS, PROCESS_DAYS = 3650, 825
+LONGEST_NAME = 64  # bytes of a common name, ub-common-name of RFC 5280
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
 
@@ -36,13 +37,16 @@ def create(folder: Path, roles: Iterable[str], hosts: Iterable[str] = ()) -> lis
     ``hosts``, or a file cannot be written.
     """
     for role in (roles := list(dict.fromkeys(roles))):
-        if not re.fullmatch(ROLE, role) or role == AUTHORITY:
+        if not re.fullmatch(ROLE, role) or role == AUTHORITY or len(role) > LONGEST_NAME:
             raise InputError(
-                f"{role!r} cannot name a process: letters, digits, '_', '-', '.', and not {AUTHORITY}"
+                f"{role!r} cannot name a process: at most {LONGEST_NAME} letters, digits, '_', '-', '.', and not "
+                f"{AUTHORITY}"
             )
+    for host in (hosts := list(hosts)):
+        _host(host)
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        return _create(folder, roles, list(hosts))
+        return _create(folder, roles, hosts)
     except OSError as error:
         raise InputError(f"{error.filename or folder}: {error.strerror}") from error
 
@@ -102,7 +106,8 @@ def _is_for(own: Any, host: str) -> bool:
 
 
 def _name(common: str) -> Any:
-    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common)])
+    cut = common.encode(errors="replace")[:LONGEST_NAME].decode(errors="ignore")
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, cut)])
 
 
 def _signed(name: Any, key: Any, issuer: Any, signer: Any, days: int, hosts: list[str] | None) -> Any:

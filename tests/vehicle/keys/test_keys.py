@@ -124,10 +124,19 @@ def test_a_host_that_existing_certificates_do_not_name_is_refused_and_nothing_is
     assert contents(keys) == before
 
 
-@pytest.mark.parametrize("name", ["../controller", "ca", "", "a b"])
-def test_a_name_that_is_no_file_name_is_refused(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["../controller", "ca", "", "a b", "p" * 65])
+def test_a_name_that_is_no_file_name_or_too_long_is_refused_and_nothing_is_made(
+    name: str, tmp_path: Path
+) -> None:
     with pytest.raises(InputError, match="cannot name a process"):
-        create(tmp_path / "keys", [name])
+        create(tmp_path / "keys", ["launcher", name])
+    assert not (tmp_path / "keys").exists()
+
+
+@pytest.mark.parametrize("name", ["x" * 70, "ü" * 40])
+def test_a_folder_may_have_a_long_name(name: str, tmp_path: Path) -> None:
+    create(tmp_path / name, ["p" * 64])
+    check_certificate(tmp_path / name, "p" * 64)
 
 
 def test_the_command_makes_a_certificate_for_every_process_of_a_drive(
