@@ -34,7 +34,7 @@ def create(folder: Path, roles: Iterable[str], hosts: Iterable[str] = ()) -> lis
 
     ``hosts`` are names and addresses of machines of the car besides the loopback interface. Existing files are kept
     as they are. Raises InputError when one file of a pair is missing, an existing certificate is not for all
-    ``hosts``, or a file cannot be written.
+    ``hosts``, the authority is not valid today, or a file cannot be written.
     """
     for role in (roles := list(dict.fromkeys(roles))):
         if not re.fullmatch(ROLE, role) or role == AUTHORITY or len(role) > LONGEST_NAME:
@@ -57,15 +57,19 @@ def _create(folder: Path, roles: list[str], hosts: list[str]) -> list[Path]:
     if not missing:
         return []
     made: list[Path] = []
+    now = datetime.now(UTC)
     if not certificate(folder, AUTHORITY).exists() and not private_key(folder, AUTHORITY).exists():
         key = ec.generate_private_key(ec.SECP256R1())
         name = _name(f"Trepid keys of {folder.resolve().name}")
-        made += _write(folder, AUTHORITY, key, _signed(name, key, name, key, AUTHORITY_DAYS, None))
-    authority = _read_certificate(folder, AUTHORITY)
+        made += _write(
+            folder, AUTHORITY, key, _signed(name, key, name, key, now + AUTHORITY_DAYS * DAY, None)
+        )
+    authority = _authority(folder, now)
+    until = min(now + PROCESS_DAYS * DAY, authority.not_valid_after_utc)
     signer = _read_key(folder, AUTHORITY)
     for role in missing:
         key = ec.generate_private_key(ec.SECP256R1())
-        signed = _signed(_name(role), key, authority.subject, signer, PROCESS_DAYS, [*LOOPBACK, *hosts])
+        signed = _signed(_name(role), key, authority.subject, signer, until, [*LOOPBACK, *hosts])
         made += _write(folder, role, key, signed)
     return made
 
@@ -110,7 +114,7 @@ def _name(common: str) -> Any:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, cut)])
 
 
-def _signed(name: Any, key: Any, issuer: Any, signer: Any, days: int, hosts: list[str] | None) -> Any:
+def _signed(name: Any, key: Any, issuer: Any, signer: Any, until: datetime, hosts: list[str] | None) -> Any:
     """A certificate for ``key``; of an authority when ``hosts`` is None."""
     now = datetime.now(UTC)
     is_authority = hosts is None
@@ -132,7 +136,7 @@ def _signed(name: Any, key: Any, issuer: Any, signer: Any, days: int, hosts: lis
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - DAY)  # clocks of the machines of a car may differ
-        .not_valid_after(now + days * DAY)
+        .not_valid_after(until)
         .add_extension(x509.BasicConstraints(ca=is_authority, path_length=0 if is_authority else None), True)
         .add_extension(
             x509.KeyUsage(
@@ -184,6 +188,25 @@ def _read_certificate(folder: Path, role: str) -> Any:
         raise InputError(f"{path}: no certificate can be read: {_line(error)}") from error
 
 
+def _authority(folder: Path, now: datetime) -> Any:
+    """The certificate of the authority. Raises InputError when it is not valid at ``now``."""
+    found = _read_certificate(folder, AUTHORITY)
+    again = f"remove all .key and .crt files in {folder} and run `trepid keys create {folder}`"
+    _check_dates(certificate(folder, AUTHORITY), found, now, again)
+    return found
+
+
+def _check_dates(path: Path, found: Any, now: datetime, again: str) -> None:
+    """Raise InputError unless the certificate ``found`` of ``path`` is valid at ``now``."""
+    if now < found.not_valid_before_utc:
+        raise InputError(
+            f"{path}: is not valid before {found.not_valid_before_utc:%Y-%m-%d}, and this machine has "
+            f"{now:%Y-%m-%d}: set its clock"
+        )
+    if now > found.not_valid_after_utc:
+        raise InputError(f"{path}: expired on {found.not_valid_after_utc:%Y-%m-%d}; {again}")
+
+
 def _read_key(folder: Path, role: str) -> Any:
     path = private_key(folder, role)
     try:
@@ -205,7 +228,7 @@ def check_certificate(
     """
     now = now or datetime.now(UTC)
     path = certificate(folder, role)
-    authority, own = _read_certificate(folder, AUTHORITY), _read_certificate(folder, role)
+    authority, own = _authority(folder, now), _read_certificate(folder, role)
     again = f"remove {role}.key and {role}.crt and run `trepid keys create {folder} --process {role}`"
     if _read_key(folder, role).public_key() != own.public_key():
         raise InputError(f"{path}: is not the certificate of {private_key(folder, role).name}; {again}")
@@ -217,8 +240,7 @@ def check_certificate(
         ) from error
     if [name.value for name in own.subject.get_attributes_for_oid(NameOID.COMMON_NAME)] != [role]:
         raise InputError(f"{path}: its common name is not {role}; {again}")
-    if not own.not_valid_before_utc <= now <= own.not_valid_after_utc:
-        raise InputError(f"{path}: expired on {own.not_valid_after_utc:%Y-%m-%d}; {again}")
+    _check_dates(path, own, now, again)
     if host is not None and not _is_for(own, host):
         raise InputError(
             f"{path}: is not for {host}, the host of `listen` in security.yaml; remove the .key and .crt of every "

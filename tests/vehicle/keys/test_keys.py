@@ -124,6 +124,34 @@ def test_a_host_that_existing_certificates_do_not_name_is_refused_and_nothing_is
     assert contents(keys) == before
 
 
+def test_a_machine_whose_clock_is_before_the_certificates_is_told_to_set_it(keys: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"is not valid before .*, and this machine has 1970-01-02: set its clock"
+    ):
+        check_certificate(keys, "controller", now=datetime(1970, 1, 2, tzinfo=UTC))
+
+
+def test_no_certificate_is_valid_for_longer_than_its_authority(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vehicle.keys.certificates.AUTHORITY_DAYS", 300)
+    create(tmp_path, ["controller"])
+    ends = [
+        x509.load_pem_x509_certificate(certificate(tmp_path, role).read_bytes()).not_valid_after_utc
+        for role in ("ca", "controller")
+    ]
+    assert ends[0] == ends[1]
+    with pytest.raises(InputError, match=r"ca.crt: expired on .*; remove all .key and .crt files"):
+        check_certificate(tmp_path, "controller", now=ends[0] + timedelta(seconds=1))
+
+
+def test_an_expired_authority_signs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vehicle.keys.certificates.AUTHORITY_DAYS", -0.5)
+    with pytest.raises(InputError, match=r"ca.crt: expired on"):
+        create(tmp_path, ["controller"])
+    assert not certificate(tmp_path, "controller").exists()
+
+
 @pytest.mark.parametrize("name", ["../controller", "ca", "", "a b", "p" * 65])
 def test_a_name_that_is_no_file_name_or_too_long_is_refused_and_nothing_is_made(
     name: str, tmp_path: Path
