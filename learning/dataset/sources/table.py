@@ -149,9 +149,8 @@ def _named(
     numbers: list[list[float]] = []
     numeric = [quantity for quantity in ("frame", "time", angle, "speed", "yaw rate") if quantity in at]
     before = faults.count
-    for line, row in enumerate(rows, start=2):
-        if not row:
-            continue
+    held = [(line, row) for line, row in enumerate(rows, start=2) if row]
+    for ordinal, (line, row) in enumerate(held):
         try:
             if len(row) != len(header):
                 raise ValueError(f"expected {len(header)} columns, got {len(row)}")
@@ -161,18 +160,18 @@ def _named(
         except ValueError as error:
             faults(f"{path}:{line}: {error}")
             continue
-        numbers.append(values)
+        numbers.append([ordinal, *values])
         texts["image"].append(image)
         texts["route"].append(row[at["route"]].strip() if "route" in at else "")
         texts["where"].append(f"{path}:{line}")
     if not numbers:
         raise InputError(f"{path}: no row can be read")
-    columns = dict(zip(numeric, np.array(numbers, dtype=np.float64).T, strict=True))
-    t_s = columns["time"] if "time" in columns else np.arange(len(numbers)) / (options.fps or math.nan)
+    columns = dict(zip(("row", *numeric), np.array(numbers, dtype=np.float64).T, strict=True))
+    t_s = columns["time"] if "time" in columns else columns["row"] / (options.fps or math.nan)
     log = _log("table", path, texts["image"], t_s, columns[angle], Steering(angle), texts["where"])
     if any(texts["route"]):
         log.route = [f"{path.parent.name}/{route}" for route in texts["route"]]
-    _filmed(log, columns, options)
+    _filmed(log, columns.get("frame", columns["row"]), options)
     log.speed_mps = columns.get("speed", log.speed_mps)
     log.yaw_rate_radps = columns.get("yaw rate", log.yaw_rate_radps)
     log.unread = faults.count - before
@@ -235,13 +234,13 @@ def _check_lock(path: Path, name: str, values: Column) -> None:
         )
 
 
-def _filmed(log: Log, columns: Mapping[str, Column], options: TableOptions) -> None:
-    """Let the rows name frames of a video: by the column of frame numbers, else in order."""
+def _filmed(log: Log, frame: Column, options: TableOptions) -> None:
+    """Let the rows name frames of the video by their numbers."""
     if options.video is None:
         return
     log.root = options.video.parent
     log.image = [options.video.name] * len(log)
-    log.item = np.asarray(columns.get("frame", np.arange(len(log))), dtype=np.int64)
+    log.item = frame.astype(np.int64)
 
 
 def _log(

@@ -146,13 +146,13 @@ def _log(
     timed = any(_stamp(record) is not None for _, _, record in records)
     rows: list[tuple[float, float, float]] = []
     names, routes, why, places = [], [], [], []
-    for where, index, record in records:
+    for ordinal, (where, index, record) in enumerate(records):
         try:
             if not isinstance(record.get(image), str) or not record[image]:
                 raise ValueError(f"no {image}")
             speed = next((record[name] for name in SPEEDS if name in record), None)
             steering, speed_mps = number(record.get(ANGLE)), number(speed)
-            row = (_time_s(record) if timed else len(rows) / LOOP_HZ, steering, speed_mps)
+            row = (_time_s(record) if timed else ordinal / LOOP_HZ, steering, speed_mps)
         except ValueError as error:
             faults(f"{where}: {error}")
             continue

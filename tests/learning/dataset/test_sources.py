@@ -169,6 +169,26 @@ def test_rows_can_describe_the_frames_of_a_video(tmp_path: Path) -> None:
         pictures.read("drive.avi", 30)
 
 
+def test_a_row_that_cannot_be_read_keeps_its_frame_of_the_video_and_its_time(tmp_path: Path) -> None:
+    (tmp_path / "drive.avi").touch()
+    path = write_table(tmp_path, {"steering": [0.0, 0.1, "abc", 0.3], "speed_mps": [1.0] * 4})
+    path.write_text(path.read_text().replace("0.1,", "\n0.1,", 1))  # a blank line is no row
+    log, faults = read(path, TableOptions(fps=10.0, video=tmp_path / "drive.avi"))
+    assert faults.count == 1 and log.steering.tolist() == [0.0, 0.1, 0.3]
+    assert log.item.tolist() == [0, 1, 3]
+    assert log.t_s == pytest.approx([0.0, 0.1, 0.3])
+
+
+def test_a_record_that_cannot_be_read_keeps_its_time_in_a_tub_without_times(tmp_path: Path) -> None:
+    tub = write_tub(tmp_path / "tub", 5)
+    catalog = tub / "catalog_0.catalog"
+    records = [json.loads(line) for line in catalog.read_text().splitlines()]
+    records = [{**record, "_timestamp_ms": None} for record in records]
+    records[2]["user/angle"] = "left"
+    catalog.write_text("\n".join(map(json.dumps, records)))
+    assert read(tub)[0].t_s == pytest.approx([0.0, 0.05, 0.15, 0.2])
+
+
 def recorded(path: Path, frames: int = 40, *, angle_rad: float = 0.1, speed_mps: float = 8.0) -> Path:
     """A recording at 10 images/s with the vehicle state at 50 Hz, whose angle rises until 1 s."""
     with Recording(path) as file:
