@@ -18,6 +18,7 @@ Scores = dict[str, float | int | None]
 BIN_DEG = 10.0  # of the steering wheel, as in the tables of Deep Steer
 SHARP_DEG = 40.0  # likewise: angles beyond are sharp bends
 STRAIGHT_DEG = 5.0  # of the steering wheel: straight ahead
+LEAST_VARIANCE = 1e-12  # of recorded angles [deg²]; below it is the rounding of a constant
 LONGEST_STEP_S = 0.5  # frames farther apart are not successive
 
 
@@ -34,7 +35,7 @@ def errors(predicted_deg: Angles, true_deg: Angles) -> Scores:
         return {"frames": 0, **dict.fromkeys(names)}
     centred = true_deg - true_deg.mean()
     spread = float(centred @ centred)
-    varies = spread > 1e-12 * n
+    varies = spread > LEAST_VARIANCE * n
     return {
         "frames": n,
         "mae_deg": float(np.abs(error).mean()),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.signal import lfilter
 
 from learning.judging.bootstrap import block_frames, intervals
 from learning.judging.uncertainty import calibration, coverage, risk_coverage, world
@@ -42,7 +43,40 @@ def test_intervals_contain_the_scores_and_short_drives_have_none():
     found = intervals(predicted, true, block=30)
     assert found["mae_deg"][0] < np.abs(predicted - true).mean() < found["mae_deg"][1]
     assert found["rmse_deg"][0] < 1.0 < found["rmse_deg"][1] and found["r2"][1] <= 1.0
-    assert set(intervals(predicted[:50], true[:50], block=30).values()) == {None}
+    assert set(intervals(predicted[:299], true[:299], block=30).values()) == {None}
+
+
+def remembering(seed: int, n: int) -> np.ndarray:
+    """Errors of mean 0 and deviation 1 whose correlation falls by 1/e in 20 frames."""
+    rho = np.exp(-1 / 20)
+    noise = np.random.default_rng(seed).normal(0.0, np.sqrt(1 - rho**2), n + 200)
+    return lfilter([1.0], [1.0, -rho], noise)[200:]
+
+
+@pytest.mark.parametrize("n", [1000, 2000])
+def test_about_95_percent_of_the_intervals_of_correlated_errors_contain_the_true_mean(n):
+    trials = 300
+    found = [
+        intervals(remembering(seed, n), np.zeros(n), block=100, replicates=500)["mean_error_deg"]
+        for seed in range(trials)
+    ]
+    assert 0.93 <= sum(low <= 0.0 <= high for low, high in found) / trials <= 0.975
+
+
+def test_one_frame_more_than_ten_blocks_does_not_narrow_the_interval():
+    error = np.concatenate([remembering(seed, 1001) for seed in range(30)]).reshape(30, 1001)
+    ten, more = (
+        np.mean([width(intervals(one[:n], np.zeros(n), block=100)["mean_error_deg"]) for one in error])
+        for n in (1000, 1001)
+    )
+    assert more == pytest.approx(ten, rel=0.02)
+
+
+def test_a_constant_record_has_no_interval_of_r2():
+    true = np.full(600, 0.3 * 180 / np.pi)
+    predicted = true + np.random.default_rng(0).normal(0.0, 1.0, 600)
+    found = intervals(predicted, true, block=10)
+    assert found["r2"] is None and found["mae_deg"] is not None
 
 
 def test_a_block_lasts_ten_seconds_at_the_rate_of_the_frames():
