@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from learning.dataset.dataset import (
     DATA,
@@ -18,44 +17,62 @@ from learning.dataset.dataset import (
     sha256_of,
     write,
 )
+from learning.dataset.likeness import SMALL, Look, small_grey
+from learning.dataset.split import clear_duplicates, clear_gaps
 
-NOTHING_S = 1e-6  # rounding of times
-VALIDATION_EVERY = 6  # groups of pieces of added data sets
+PART_S = 10.0  # of a drive of an added data set
+VALIDATION, EVERY = 2, 6  # the third of every six parts is for validation
 
 
 def joined(out: Path, first: Dataset, added: Sequence[Dataset], command: str) -> Dataset:
     """Write ``first`` and the labelled frames of ``added`` into the folder ``out``.
 
     Steering and splits are described as in ``first``. The frames of an added data set that follow each other
-    without a gap are a piece, a stretch of its own. Pieces of a route with less than ``gap_s`` of the split of
-    ``first`` between them are a group; every sixth group is for validation, the others for training. Raises
-    InputError.
+    without a gap are a stretch of their own. Its drives are divided by the time since their first frame, so that
+    the same part of a drive that is repeated has the same split. Rows that look like a row of a later split are
+    left out. Raises InputError.
     """
     parts, sources = [first.rows()], list(_sources(first))
-    stretch, groups = int(first.rows()["stretch"].max(initial=-1)) + 1, 0
+    stretch = int(first.rows()["stretch"].max(initial=-1)) + 1
     for dataset in added:
         every = dataset.rows()
-        rows = every[every["split"] != NONE]
-        piece = pieces_of(rows)
-        group = _groups(rows, piece, first.file.split.gap_s)
-        columns = {name: rows[name] for name in rows.dtype.names or ()}
-        split = np.where((groups + group) % VALIDATION_EVERY == VALIDATION_EVERY - 1, "validation", "train")
-        columns |= {"source": rows["source"] + len(sources), "stretch": stretch + piece, "split": split}
-        parts.append(as_rows(columns))
+        rows = _divided(every, first.file.split.gap_s)[every["split"] != NONE]
+        rows["source"] += len(sources)
+        rows["stretch"] = stretch + pieces_of(rows)
+        parts.append(rows)
         sources += _sources(dataset)
-        stretch += int(piece.max(initial=-1)) + 1
-        groups += int(group.max(initial=-1)) + 1
-    index = as_rows({name: np.concatenate([part[name] for part in parts]) for name in (*DATA, *MEASURED)})
-    about = {"sources": tuple(sources), "data_sha256": sha256_of(index), "command": command}
-    write(out, first.file.model_copy(update=about), index)
+        stretch = int(rows["stretch"].max(initial=stretch - 1)) + 1
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in (*DATA, *MEASURED)}
+    file = first.file.model_copy(update={"sources": tuple(sources), "command": command})
+    split, why = columns["split"].astype("<U10"), columns["why"].astype("<U64")
+    clear_duplicates(split, why, _look(Dataset(out, file, as_rows(columns))))
+    split[why != ""] = NONE
+    index = as_rows(columns | {"split": split, "why": why})
+    write(out, file.model_copy(update={"data_sha256": sha256_of(index)}), index)
     return Dataset.open(out)
 
 
-def _groups(rows: Rows, piece: NDArray[np.int64], gap_s: float) -> NDArray[np.int64]:
-    """Number of the group of each row, from 0 on."""
-    later = np.diff(rows["t_s"]) > gap_s - NOTHING_S
-    apart = (np.diff(piece) != 0) & (later | (rows["route"][1:] != rows["route"][:-1]))
-    return np.cumsum(np.concatenate([[False], apart]))[: len(rows)]
+def _divided(rows: Rows, gap_s: float) -> Rows:
+    """The rows of an added data set for training and validation, with ``gap_s`` left out between the two."""
+    _, drive = np.unique(rows["route"], return_inverse=True)
+    first_s = np.full(len(rows), np.inf)  # of each drive
+    np.minimum.at(first_s, drive, rows["t_s"])
+    part = (rows["t_s"] - first_s[drive]) // PART_S
+    split = np.where(part % EVERY == VALIDATION, "validation", "train").astype("<U10")
+    why = rows["why"].astype("<U64")
+    clear_gaps(split, why, rows["t_s"], rows["route"], gap_s)
+    columns = {name: rows[name] for name in rows.dtype.names or ()}
+    return as_rows(columns | {"split": split, "why": why})
+
+
+def _look(dataset: Dataset) -> Look:
+    """The likeness of the rows of all splits; their images are read again."""
+    rows = dataset.rows()
+    small = np.zeros((len(rows), SMALL[1], SMALL[0]), np.uint8)
+    (used,) = np.nonzero(rows["split"] != NONE)
+    for number, image in zip(used, dataset.images(rows[used]), strict=True):
+        small[number] = small_grey(image)
+    return Look(rows["light"], rows["hash"], small, rows["change"], rows["shift"])
 
 
 def _sources(dataset: Dataset) -> Iterator[Source]:

@@ -47,8 +47,8 @@ def divided(
     else:
         names = _by_route(split, route, usable, look)
     reasons = why.astype("<U64")
-    _clear_gaps(names, reasons, t_s, route, split.gap_s)
-    _clear_duplicates(names, reasons, look)
+    clear_gaps(names, reasons, t_s, route, split.gap_s)
+    clear_duplicates(names, reasons, look)
     names[reasons != ""] = NONE
     return names, reasons
 
@@ -109,7 +109,7 @@ def _taken(routes: list[str], share: float, route: NDArray[np.str_], usable: Mas
     return taken
 
 
-def _clear_gaps(
+def clear_gaps(
     names: NDArray[np.str_], reasons: NDArray[np.str_], t_s: Column, route: NDArray[np.str_], gap_s: float
 ) -> None:
     """Leave out the rows nearer than half a gap to a border between two splits of one route."""
@@ -120,7 +120,7 @@ def _clear_gaps(
         reasons[near] = GAP
 
 
-def _clear_duplicates(names: NDArray[np.str_], reasons: NDArray[np.str_], look: Look) -> None:
+def clear_duplicates(names: NDArray[np.str_], reasons: NDArray[np.str_], look: Look) -> None:
     """Leave out rows that look like a row of a later split."""
     for number, name in enumerate(SPLITS[:-1]):
         rows = np.flatnonzero((names == name) & (reasons == ""))

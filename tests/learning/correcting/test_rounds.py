@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
@@ -18,8 +17,7 @@ from driving_network_rig import write_network
 from learning.correcting import rounds
 from learning.correcting.corrections import Drift
 from learning.correcting.rounds import Plan, correct
-from learning.dataset.dataset import Dataset, sha256_of, write
-from learning.dataset.join import VALIDATION_EVERY, joined
+from learning.dataset.dataset import Dataset
 from learning.training.recipe import load_recipe
 from sim_harness.lockstep.closed_loop import run as drive
 from sim_harness.lockstep.recording import recording
@@ -200,45 +198,6 @@ def test_nothing_is_trained_where_the_given_network_drifts_nowhere(corrected: Ma
     rows, plan = corrected(workshop, start=recorded.parent / "ahead.onnx", drift=Drift(9.0, 1.5))
     assert workshop.steps == ["drive round-0"] and len(rows) == 1
     assert plan.out.read_bytes() == (recorded.parent / "ahead.onnx").read_bytes()
-
-
-def test_joined_data_sets_keep_their_images_and_divide_the_added_pieces(
-    base: Dataset, tmp_path: Path
-) -> None:
-    both = joined(tmp_path / "both", base, [base, base], command="join")
-    train, first = both.rows("train"), base.rows("train")
-    used = sum(len(base.rows(name)) for name in ("train", "validation", "test"))
-    assert len(both) == len(base) + 2 * used
-    for name in ("frame", "t_s", "road_wheel_rad", "source"):
-        assert (both.rows("test")[name] == base.rows("test")[name]).all(), "the tested frames stay the same"
-    added = both.rows()[len(base) :]
-    pieces = len(np.unique(added["stretch"]))
-    validation = added[added["split"] == "validation"]
-    assert len(np.unique(validation["stretch"])) == pieces // VALIDATION_EVERY
-    assert not set(validation["stretch"]) & set(train["stretch"])
-    assert set(added["stretch"]).isdisjoint(base.rows()["stretch"])
-    assert (both.image(added[0]) == base.image(first[0])).all()
-
-
-def test_joined_frames_of_validation_and_training_are_apart_by_the_gap_of_the_data_set(
-    base: Dataset, tmp_path: Path
-) -> None:
-    """Corrections of one drive whose pieces are one frame, a little less than the gap, or more apart."""
-    gap_s = base.file.split.gap_s
-    rows = base.rows()[:200].copy()
-    rows["split"], rows["why"], rows["stretch"] = "train", "", 0
-    pauses_s = np.tile([0.1, gap_s - 0.1, gap_s + 0.1, 0.1, 3 * gap_s], 8)
-    step_s = np.full(200, 0.05)
-    step_s[5::5] = pauses_s[: len(step_s[5::5])]
-    rows["t_s"] = np.cumsum(step_s)
-    rows["frame"] = np.cumsum(np.where(np.arange(200) % 5 == 0, 2, 1))
-    write(tmp_path / "added", base.file.model_copy(update={"data_sha256": sha256_of(rows)}), rows)
-    both = joined(tmp_path / "both", base, [Dataset.open(tmp_path / "added")], command="join")
-    added = both.rows()[len(base) :]
-    assert len(added) == 200 and len(np.unique(added["stretch"])) == 40, "no frame is left out"
-    validation, train = (added["t_s"][added["split"] == name] for name in ("validation", "train"))
-    assert len(validation) and len(train)
-    assert np.abs(validation[:, None] - train[None]).min() >= gap_s
 
 
 @pytest.mark.processes  # both cores for long
