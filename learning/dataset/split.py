@@ -17,6 +17,7 @@ from trepid.config import InputError
 from trepid.types import Column, Mask
 
 PAUSE_PERIODS = 5.0  # a step in time of more usual periods is a pause ...
+ROUNDING_S = 1e-6
 LEAST_PAUSE_S = 0.5  # ... if it is this long
 GAP, ALIKE_WHY = "gap between splits", "near duplicate of a frame of a later split"
 
@@ -112,12 +113,27 @@ def _taken(routes: list[str], share: float, route: NDArray[np.str_], usable: Mas
 def clear_gaps(
     names: NDArray[np.str_], reasons: NDArray[np.str_], t_s: Column, route: NDArray[np.str_], gap_s: float
 ) -> None:
-    """Leave out the rows nearer than half a gap to a border between two splits of one route."""
+    """Leave out the rows nearer than half a gap to a border between two splits of one route.
+
+    Where time runs back, also those nearer than the gap to a row of a later split.
+    """
     borders = np.flatnonzero((names[1:] != names[:-1]) & (route[1:] == route[:-1])) + 1
     for border in borders:
         same = route == route[border]
         near = same & (t_s > t_s[border] - gap_s / 2) & (t_s < t_s[border] + gap_s / 2) & (reasons == "")
         reasons[near] = GAP
+    for name in np.unique(route):
+        for number, earlier in enumerate(SPLITS[:-1]):
+            mine = np.flatnonzero((route == name) & (names == earlier) & (reasons == ""))
+            later = (route == name) & np.isin(names, SPLITS[number + 1 :]) & (reasons == "")
+            reasons[mine[_nearest_s(t_s[mine], t_s[later]) < gap_s - ROUNDING_S]] = GAP
+
+
+def _nearest_s(t_s: Column, others_s: Column) -> Column:
+    """Time from each of ``t_s`` to the nearest of ``others_s``; infinite without any."""
+    bounded = np.concatenate([[-np.inf], np.sort(others_s), [np.inf]])
+    after = np.searchsorted(bounded, t_s)
+    return np.minimum(bounded[after] - t_s, t_s - bounded[after - 1])
 
 
 def clear_duplicates(names: NDArray[np.str_], reasons: NDArray[np.str_], look: Look) -> None:

@@ -125,3 +125,15 @@ def test_a_split_by_route_can_be_the_test_alone_and_needs_a_share_of_it() -> Non
     none = {"train": 0.8, "validation": 0.2, "test": 0.0}
     with pytest.raises(InputError, match="a share of the test above 0"):
         divided(Split(by="route", seed=0, gap_s=0.0, shares=none), np.tile(times(50), 2), route, *rest)
+
+
+def test_where_time_runs_back_no_row_of_training_is_nearer_to_a_later_split_than_the_gap() -> None:
+    t_s = np.concatenate([times(800) + 10.0, times(800)])  # the clock began again
+    count = len(t_s)
+    split, _ = divided(by_time(), t_s, np.full(count, "r"), np.full(count, ""), different(count))
+    for earlier, later in (("train", "validation"), ("train", "test"), ("validation", "test")):
+        between_s = np.abs(t_s[split == earlier][:, None] - t_s[split == later][None])
+        assert between_s.size and between_s.min() >= 2.0 - 1e-6
+    shuffled = np.random.default_rng(0).permutation(times(300))
+    split, _ = divided(by_time(), shuffled, np.full(300, "r"), np.full(300, ""), different(300))
+    assert "train" not in split
