@@ -55,6 +55,7 @@ COLUMNS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "route": dict.fromkeys(("route", "drive", "session"), 1.0),
     }
 )
+ANGLES = ("road wheel", "steering wheel", "lock")
 NAMES = tuple(name for names in COLUMNS.values() for name in names)
 
 
@@ -144,7 +145,7 @@ def _named(
     at, names = _chosen(path, header, options)
     if "time" in at and options.fps is not None:
         raise InputError(f"{path}:1: has times in the column {header[at['time']]!r}; leave out --fps")
-    angle = next(quantity for quantity in ("road wheel", "steering wheel", "lock") if quantity in at)
+    angle = next(quantity for quantity in ANGLES if quantity in at)
     texts: dict[str, list[str]] = {"image": [], "route": [], "where": []}
     numbers: list[list[float]] = []
     numeric = [quantity for quantity in ("frame", "time", angle, "speed", "yaw rate") if quantity in at]
@@ -189,11 +190,24 @@ def _chosen(path: Path, header: list[str], options: TableOptions) -> tuple[dict[
     if strange:
         raise InputError(f"--column {strange[0]}: no such name; {did_you_mean(strange[0], set(NAMES))}")
     at, names = {}, {}
+    named = {
+        quantity: [name for name in known if name in options.renamed] for quantity, known in COLUMNS.items()
+    }
+    named_angles = [quantity for quantity in ANGLES if named[quantity]]
+    unused = {"frame" if options.video is None else "image"}
+    if named_angles:
+        unused |= {*ANGLES} - {named_angles[0]}
+    for several in (*named.values(), [name for quantity in ANGLES for name in named[quantity]]):
+        if len(several) > 1:
+            raise InputError(f"--column {several[0]} and {several[1]}: two columns for one quantity")
+    taken = set(options.renamed.values())
     for quantity, known in COLUMNS.items():
-        name = next((name for name in known if name in options.renamed), None)
-        name = name or next((name for name in known if name in header), None)
-        if name is None:
+        if quantity in unused:
             continue
+        found = named[quantity] or [name for name in known if name in header and name not in taken]
+        if not found:
+            continue
+        name = found[0]
         column = options.renamed.get(name, name)
         if column not in header:
             raise InputError(f"{path}:1: no column {column!r}; there are {', '.join(header)}")

@@ -125,6 +125,27 @@ def test_a_column_of_a_table_can_be_named(tmp_path: Path) -> None:
     assert log.steering == pytest.approx(math.pi / 2)
 
 
+def test_a_named_column_counts_before_those_that_are_found(tmp_path: Path) -> None:
+    steering = {"steering_wheel_angle_deg": [90.0] * 20, "cmd": [0.5] * 20}
+    log, _ = read(table(tmp_path, **steering), TableOptions({"steering": "cmd"}))
+    assert log.unit == Steering.LOCK and log.steering == pytest.approx(0.5)
+    log, _ = read(table(tmp_path, **steering))
+    assert log.unit == Steering.WHEEL
+
+
+def test_a_column_that_is_named_for_the_image_is_no_number_of_a_frame(tmp_path: Path) -> None:
+    names = [f"{n}.jpg" for n in range(3)]
+    columns = {"t_s": [0.0, 0.1, 0.2], "frame": names, "road_wheel_angle_rad": [0.1] * 3}
+    log, faults = read(write_table(tmp_path, columns), TableOptions({"image": "frame"}))
+    assert log.image == names and faults.count == 0
+
+
+@pytest.mark.parametrize("second", ["steer", "road_wheel_angle_rad"])
+def test_two_columns_for_one_quantity_are_refused(tmp_path: Path, second: str) -> None:
+    with pytest.raises(InputError, match="two columns for one quantity"):
+        read(table(tmp_path, a=[0.1] * 20, b=[0.1] * 20), TableOptions({"steering": "a", second: "b"}))
+
+
 @pytest.mark.parametrize(
     ("columns", "renamed", "said"),
     [
