@@ -57,7 +57,7 @@ def delay_of(rows: Rows) -> Delay:
     if known.sum() < LEAST_FRAMES or not len(usual):
         return Delay(None, None, by)
     period_s = float(np.median(usual))
-    most = max(1, round(LAGS_S / period_s))
+    most = min(max(1, round(LAGS_S / period_s)), len(rows) - 1)
     motion = np.clip(motion, *np.nanpercentile(motion, (1, 99)))
     found = np.array([_correlation(label, motion, stretch, lag) for lag in range(-most, most + 1)])
     if not np.isfinite(found).any():

@@ -35,6 +35,13 @@ def test_the_delay_of_the_motion_after_the_label_is_found(made: Dataset, delay: 
     assert found.delay_s == pytest.approx(0.05 * delay, abs=0.02)
 
 
+def test_the_delay_is_sought_within_the_rows_whatever_their_rate(made: Dataset) -> None:
+    rows = turning(made, 2)
+    rows["t_s"] = 50e-6 * np.arange(len(rows))
+    rows["stretch"] = 0
+    assert delay_of(rows).delay_s == pytest.approx(100e-6, abs=20e-6)
+
+
 def test_reversed_labels_have_a_negative_correlation(made: Dataset) -> None:
     rows = turning(made, 2)
     rows["road_wheel_rad"] *= -1
