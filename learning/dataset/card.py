@@ -16,6 +16,7 @@ from trepid.types import Column
 STRAIGHT_DEG, SHARP_DEG = 1.0, 8.0
 BINS = 15
 LATE_S = 0.05
+HIGHEST_HZ = 1000.0  # of a camera
 MOST_STRAIGHT, MOST_ONE_SIDED = 0.7, 0.75
 LEAST_MINUTES = 5.0
 NAMED = 10
@@ -137,6 +138,8 @@ def _findings(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[dict
             f"{100 * (light['dark_share'] + light['bright_share']):.0f} % of the images are dark or bright"
         )
         found.append((share, "check the exposure, or build again with --leave-out dark --leave-out bright"))
+    if card["rate_hz"] and card["rate_hz"] > HIGHEST_HZ:
+        found.append((f"{card['rate_hz']:.0f} frames a second", "check the unit of the times"))
     if card["time_runs_back"]:
         found.append((f"time runs back {card['time_runs_back']} times", "sort the log by time"))
     if card["frozen"]:

@@ -16,6 +16,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 
 JPEG_SUFFIXES = frozenset({".jpg", ".jpeg"})
+LATEST_S = 253402300800.0  # the end of the year 9999
 TASK = "follow the road"
 
 
@@ -30,6 +31,8 @@ def write_as(
     rows = np.concatenate([dataset.rows(name) for name in splits])
     if not len(rows):
         raise InputError(f"{dataset.folder}: no frame in {', '.join(splits)}: nothing to export")
+    if form == "tub" and not (np.abs(rows["t_s"]) < LATEST_S).all():
+        raise InputError(f"{dataset.folder}: a time of {rows['t_s'].max():g} s has no date: check its unit")
     frames = _frames(dataset, splits, tick)
     if form == "lerobot":
         return write_lerobot(frames, out, rate_hz=rate_of(rows["t_s"].tolist()), task=TASK)

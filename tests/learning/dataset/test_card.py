@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from drive_rig import made_dataset, run, write_tub
+from drive_rig import made_dataset, run, steering_of, write_pictures, write_table, write_tub
 
 from learning.dataset.balance import weights
 from learning.dataset.card import card_of
@@ -40,6 +40,15 @@ def test_the_delay_is_sought_within_the_rows_whatever_their_rate(made: Dataset) 
     rows["t_s"] = 50e-6 * np.arange(len(rows))
     rows["stretch"] = 0
     assert delay_of(rows).delay_s == pytest.approx(100e-6, abs=20e-6)
+
+
+def test_the_card_names_a_rate_that_no_camera_has(tmp_path: Path) -> None:
+    names = [f"{n}.jpg" for n in range(40)]
+    write_pictures(tmp_path, names, steering_of(40))
+    columns = {"image": names, "timestamp_ns": (50_000 * np.arange(40)).tolist(), "steering": [0.1] * 40}
+    built = made_dataset(tmp_path / "set", write_table(tmp_path, columns), options=("--gap-s", "0"))
+    found = card_of(built)["findings"]
+    assert {"finding": "20000 frames a second", "remedy": "check the unit of the times"} in found
 
 
 def test_reversed_labels_have_a_negative_correlation(made: Dataset) -> None:

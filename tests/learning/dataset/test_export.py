@@ -8,7 +8,7 @@ import pyarrow.parquet
 import pytest
 from drive_rig import made_dataset, run, write_tub
 
-from learning.dataset.dataset import Dataset
+from learning.dataset.dataset import Dataset, sha256_of, write
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +65,15 @@ def test_an_existing_folder_is_kept(data: Dataset, tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     assert run("dataset", "export", str(data.folder), str(tmp_path / "mine"), "--as", "tub") == 2
     assert list((tmp_path / "mine").iterdir()) == []
+
+
+def test_a_tub_of_times_without_a_date_is_refused_with_the_time(
+    data: Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = data.rows().copy()
+    rows["t_s"] *= 1e9  # nanoseconds
+    file = data.file.model_copy(update={"data_sha256": sha256_of(rows)})
+    write(tmp_path / "set", file, rows)
+    assert run("dataset", "export", str(tmp_path / "set"), str(tmp_path / "tub"), "--as", "tub") == 2
+    assert "e+18 s has no date: check its unit" in capsys.readouterr().err
+    assert not (tmp_path / "tub").exists()
