@@ -127,17 +127,23 @@ def _scaled(name: str, value: Any, factor: float, given_only: bool) -> Any:
     return value
 
 
-def scale_data(data: Any, factor: float) -> None:
-    """Scale the numbers of the YAML ``data`` in place, as :func:`scaled_settings`."""
-    if isinstance(data, Mapping):
-        assert isinstance(data, CommentedMap)
-        for name, value in data.items():
-            scaled = _scaled(str(name), tuple(value) if isinstance(value, list) else value, factor, False)
-            if isinstance(value, list):
-                for number, item in enumerate(scaled):
-                    value[number] = item
-                    scale_data(item, factor)
-            elif isinstance(value, Mapping):
-                scale_data(value, factor)
-            else:
-                data[name] = scaled
+def scale_data(data: Any, factor: float, done: set[int] | None = None) -> None:
+    """Scale the numbers of the YAML ``data`` in place, as :func:`scaled_settings`.
+
+    ``done``: identities of the mappings and lists that are scaled already, because an alias names them again.
+    """
+    done = set() if done is None else done
+    if not isinstance(data, Mapping) or id(data) in done:
+        return
+    assert isinstance(data, CommentedMap)
+    done.add(id(data))
+    for name, value in data.items():
+        if isinstance(value, Mapping):
+            scale_data(value, factor, done)
+        elif not isinstance(value, list):
+            data[name] = _scaled(str(name), value, factor, False)
+        elif id(value) not in done:
+            done.add(id(value))
+            for number, item in enumerate(_scaled(str(name), tuple(value), factor, False)):
+                value[number] = item
+                scale_data(item, factor, done)

@@ -5,13 +5,14 @@ from pathlib import Path
 
 import pytest
 from message_rig import estimate
+from ruamel.yaml import YAML
 
 from perception.lane.settings import LaneCvSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CAR, CONFIG_DIR, load, use_car
 from trepid.messages import Command, VehicleState
-from trepid.scale import REFERENCE_LANE_M, power_of_metre, scaled_message, scaled_settings
+from trepid.scale import REFERENCE_LANE_M, power_of_metre, scale_data, scaled_message, scaled_settings
 
 ESTIMATE = estimate(
     lateral_offset_m=0.4,
@@ -123,3 +124,12 @@ def test_the_limits_of_a_car_are_those_of_its_file(tmp_path: Path, monkeypatch: 
     (tmp_path / "camera.yaml").write_text("height_m: 0.1\n")
     use_car(tmp_path)
     assert load(CONFIG_DIR / "camera.yaml", Camera).height_m == 0.1
+
+
+def test_what_an_alias_names_again_is_scaled_once() -> None:
+    data = YAML().load(
+        "a: &a {gap_m: 1.0, speeds_mps: &s [1.0, 2.0]}\nb: *a\nspeeds_mps: *s\nc: {gap_m: 3.0}\n"
+    )
+    scale_data(data, 2.0)
+    assert data["a"] == data["b"] == {"gap_m": 2.0, "speeds_mps": [2.0, 4.0]}
+    assert data["speeds_mps"] == [2.0, 4.0] and data["c"] == {"gap_m": 6.0}
