@@ -178,7 +178,7 @@ class Supervisor:
             process_lost=losses is not None and bool(losses.stop),
         )
         senders = {**estimates, STATISTICS: statistics, LEAD: lead}
-        ages_s = {name: self._settings.validation.age_s(sent, now_s=now_s) for name, sent in senders.items()}
+        ages_s = {**world.ages_s, STATISTICS: world.statistics_age_s, LEAD: world.ahead.age_s}
         possible = {n: m.t_s for n, m in senders.items() if m and math.isfinite(ages_s[n])}
         late = self._lateness.step(possible, now_s=now_s)
         now = moment(
