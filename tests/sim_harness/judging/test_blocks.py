@@ -1,27 +1,13 @@
 """Rows are put away in a file or, where the disk refuses them, in memory."""
 
-import resource
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
+from disk_rig import files_limited_to
 from trace_rig import state, truth
 
 from sim_harness.judging import trace
 from sim_harness.judging.blocks import Blocks
 from sim_harness.judging.trace import Recorder
-
-
-@contextmanager
-def files_limited_to(size: int) -> Iterator[None]:
-    """A disk that takes no file longer than ``size`` bytes."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.mark.parametrize("on_disk", [False, True])

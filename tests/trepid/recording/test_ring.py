@@ -1,17 +1,16 @@
 """The last minutes of a drive are bounded on disk, readable after a crash, and kept as one recording."""
 
 import os
-import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from disk_rig import files_limited_to
 
 from trepid.cli import main
 from trepid.config import InputError
@@ -188,17 +187,6 @@ def test_another_drive_that_deletes_the_empty_folder_of_a_drive_does_not_end_its
     assert [part.name for part in ring.folder.iterdir()] == ["000001.mcap"]
 
 
-@contextmanager
-def small_files(size: int) -> Iterator[None]:
-    """Within the context the system refuses files beyond ``size`` bytes."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
 @pytest.mark.parametrize("size", [0, 3000])
 def test_a_disk_that_refuses_a_kept_recording_keeps_no_part_of_it(
     size: int,
@@ -210,7 +198,7 @@ def test_a_disk_that_refuses_a_kept_recording_keeps_no_part_of_it(
     written(9).close()
     out = home / "mine.mcap"
     monkeypatch.setattr(sys, "argv", ["trepid", "record", "keep", "--out", str(out)])
-    with small_files(size):
+    with files_limited_to(size):
         assert main() == 2
     assert "mine.mcap: cannot be written: File too large" in capsys.readouterr().err
     assert (list((home / "trepid" / "kept").iterdir()), out.exists()) == ([], False)
