@@ -124,7 +124,7 @@ class LeadFinder:
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
         self._tracker.step(self.detections, speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
         lane = usable_lane(self._settings.choice, lanes, t_s=frame.t_s)
-        arc_1pm = self._arc_1pm(state)
+        arc_1pm = self._arc_1pm(state, motion)
         self._ahead = self._choose(Corridor(self._settings.choice, lane, arc_1pm, motion, t_s=frame.t_s))
         return self._reference.restored(self._message(frame.t_s, self._ahead, moves=motion is not None))
 
@@ -159,10 +159,10 @@ class LeadFinder:
             confidence=track.confidence,
         )
 
-    def _arc_1pm(self, state: VehicleState | None) -> float:
+    def _arc_1pm(self, state: VehicleState | None, motion: tuple[float, float] | None) -> float:
         """Curvature of the ego path: r/v, at low speed tan δ/L (predicted path of ISO 15622); 0 when unknown."""
-        speed_mps, yaw_rate_radps = Motion.of(state)
-        if speed_mps is not None and yaw_rate_radps is not None and speed_mps > SLOW_MPS:
+        speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
+        if speed_mps > SLOW_MPS:
             return yaw_rate_radps / speed_mps
         wheel_rad = None if state is None else state.road_wheel_angle_rad
         if wheel_rad is None or not abs(wheel_rad) < math.pi / 2:
