@@ -8,7 +8,7 @@ A recording never touches the drive. A disk that is full or refuses to be writte
 this process; the process then runs on without writing.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
 
@@ -18,9 +18,9 @@ from trepid.messages import Diagnostic, Health
 from trepid.processes.process import Process, process
 from trepid.processes.settings import LAUNCHER
 from trepid.recording.keeper import Keeper
-from trepid.recording.notes import drive_notes
+from trepid.recording.notes import adopted_rules, drive_notes
 from trepid.recording.ring import free_path, ring_settings
-from trepid.recording.writer import BEGAN, BusRecorder, attachments
+from trepid.recording.writer import BEGAN, BusRecorder, attachments, rules_name
 from trepid.topics import DIAGNOSTICS, DRIVER_INPUT
 
 PERIOD_S = 0.05  # between two writes; much shorter than the ring of the tap lasts
@@ -29,24 +29,46 @@ Wanted = Callable[[], bool]
 """True as long as the recording is to go on."""
 
 
+class Heard:
+    """The start of the drive and the files of a recording that begins now, by the heartbeats so far."""
+
+    def __init__(self, beats: Stream[Diagnostic], files: Mapping[str, bytes]) -> None:
+        """``files``: as they were when the drive began."""
+        self._beats = beats
+        self.files = dict(files)
+        """Files to attach, by name; rules that the supervisor has adopted replace those of the beginning."""
+        self.began_ns: int | None = None
+        """Start of the drive; None until the launcher has reported it."""
+
+    def refresh(self) -> None:
+        """Take the heartbeats since the last call."""
+        for beat, _ in self._beats.drain():
+            began_ns, adopted = dict(beat.values).get(BEGAN), adopted_rules(beat)
+            if beat.process == LAUNCHER and began_ns is not None:
+                self.began_ns = int(began_ns)
+            name = rules_name(self.files)
+            if name is not None and adopted is not None:
+                self.files[name] = adopted
+
+
 def run(me: Process) -> None:
     """Record until the process is to stop.
 
     Options: ``record``, the file; without it ``record_folder``, the folder of the recordings by the button, made at
     the first one; ``ring``, the name of the ring of the last minutes; ``raw_images``, to record them too.
     """
-    heard = me.bus.stream(DIAGNOSTICS)
+    heard = Heard(me.bus.stream(DIAGNOSTICS), attached(me))
     if "record" in me.options:
         record(me, free_path(Path(me.options["record"])), heard, me.running, opened=me.ready)
     else:
         record_by_button(me, heard)
 
 
-def record_by_button(me: Process, heard: Stream[Diagnostic]) -> None:
+def record_by_button(me: Process, heard: Heard) -> None:
     """Record the last minutes, and while the driver input says so, each time into a file of its own."""
     driver = me.bus.latest(DRIVER_INPUT, wakes=False)
     ring = me.options.get("ring")
-    keeper = Keeper(me, ring, ring_settings(), attached(me), notes(me)) if ring else None
+    keeper = Keeper(me, ring, ring_settings(), heard.files, notes(me)) if ring else None
 
     def running() -> bool:
         """Whether the drive goes on; writes the last minutes meanwhile."""
@@ -63,11 +85,10 @@ def record_by_button(me: Process, heard: Stream[Diagnostic]) -> None:
     me.ready()
     begun = False
     while running():
-        if keeper is not None and not begun:
-            began_ns = beginning(heard)
-            if began_ns is not None:
-                begun = True
-                keeper.began_ns(began_ns)
+        heard.refresh()
+        if keeper is not None and not begun and heard.began_ns is not None:
+            begun = True
+            keeper.began_ns(heard.began_ns)
         if wanted():
             path = free_path(folder / datetime.fromtimestamp(me.now_s()).strftime(NAME))
             try:
@@ -84,19 +105,10 @@ def record_by_button(me: Process, heard: Stream[Diagnostic]) -> None:
         keeper.close()
 
 
-def beginning(heard: Stream[Diagnostic]) -> int | None:
-    """The start of the drive [ns] where the launcher has reported it since the last call."""
-    for beat, _ in heard.drain():
-        began_ns = dict(beat.values).get(BEGAN)
-        if beat.process == LAUNCHER and began_ns is not None:
-            return int(began_ns)
-    return None
-
-
 def record(
     me: Process,
     path: Path,
-    heard: Stream[Diagnostic],
+    heard: Heard,
     wanted: Wanted,
     *,
     said: str = "",
@@ -104,9 +116,8 @@ def record(
 ) -> None:
     """Record to ``path`` while ``wanted``, with ``said`` in the heartbeat; report why the disk refuses it."""
     try:
-        recorder = BusRecorder(
-            path, me.bus, attached(me), notes(me), raw_images=bool(me.options.get("raw_images"))
-        )
+        raw_images = bool(me.options.get("raw_images"))
+        recorder = BusRecorder(path, me.bus, heard.files, notes(me), raw_images=raw_images)
     except InputError as error:
         opened()
         idle(me, str(error), wanted)
@@ -119,21 +130,21 @@ def record(
         idle(me, f"the recording ends here: {error}", wanted)
 
 
-def write(me: Process, recorder: BusRecorder, heard: Stream[Diagnostic], wanted: Wanted, said: str) -> None:
+def write(me: Process, recorder: BusRecorder, heard: Heard, wanted: Wanted, said: str) -> None:
     """Write the messages of the bus while ``wanted``. Raises InputError when the disk refuses them."""
     begun = False
     while wanted():
         me.bus.wait(timeout_s=PERIOD_S)
         recorder.write()
-        began_ns = beginning(heard)
-        if not begun and began_ns is not None:
-            recorder.began_ns(began_ns)
+        heard.refresh()
+        if not begun and heard.began_ns is not None:
+            recorder.began_ns(heard.began_ns)
             begun = True
         me.stepped(Health.OK, said)
 
 
 def attached(me: Process) -> dict[str, bytes]:
-    """The files that every recording of the drive keeps. Raises InputError."""
+    """The files that a recording of the drive keeps from its beginning. Raises InputError."""
     return attachments(Path(me.options["rules"])) if "rules" in me.options else {}
 
 

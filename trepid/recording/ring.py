@@ -24,7 +24,7 @@ from trepid.messages import Diagnostic
 from trepid.processes.drive_settings import DriveSettings, RingSettings
 from trepid.processes.register import choose, running
 from trepid.recording.foreign import in_order
-from trepid.recording.notes import RULES, RULES_FROM_S
+from trepid.recording.notes import RULES_FROM_S, adopted_rules
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import BEGAN, Recording, remove, rules_name
 from trepid.topics import DIAGNOSTICS
@@ -103,9 +103,9 @@ class Ring:
         """Attach the rules that ``heartbeat`` reports as adopted to the next parts, which may outlive it."""
         name = rules_name(self._files)
         with suppress(WireError):  # malformed on the bus
-            values = dict(from_cdr(heartbeat, Diagnostic).values)
-            if name is not None and RULES in values:
-                self._files[name] = values[RULES].encode()
+            adopted = adopted_rules(from_cdr(heartbeat, Diagnostic))
+            if name is not None and adopted is not None:
+                self._files[name] = adopted
 
     def _next(self, at_s: float) -> None:
         self.close()

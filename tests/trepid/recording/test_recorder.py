@@ -21,6 +21,7 @@ from trepid.messages import Diagnostic, Health, VehicleState
 from trepid.processes.launch import Fleet
 from trepid.processes.settings import LAUNCHER, Loss, ProcessSpec
 from trepid.recording.node import free_path
+from trepid.recording.notes import RULES, RULES_FROM_S
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import BEGAN, Recording, check_free, check_recording
 from trepid.topics import DIAGNOSTICS, DRIVER_INPUT, VEHICLE_STATE
@@ -64,6 +65,14 @@ class Recorded:
             return beat is not None and beat.process == "recorder" and condition(beat)
 
         return until(holds, patience_s=30)
+
+    def adopts(self, rules: str) -> None:
+        """Publish the heartbeat of a supervisor that has adopted changed rules."""
+        values = ((RULES_FROM_S, repr(self._clock())), (RULES, rules))
+        beat = Diagnostic(
+            t_s=self._clock(), process="supervisor", health=Health.WARN, message="", values=values
+        )
+        self._report(beat)
 
 
 @pytest.fixture
@@ -184,6 +193,28 @@ def test_the_record_button_starts_and_ends_a_recording_each_time_in_a_file_of_it
             found = read_recording(files[-1], VEHICLE_STATE.key)
             assert found.complete
             assert found.of(VEHICLE_STATE)
+
+
+def test_a_recording_by_the_button_keeps_the_rules_in_force_and_not_the_file_as_it_is_by_then(
+    recorder: Any, tmp_path: Path
+) -> None:
+    folder, rules = tmp_path / "recordings", tmp_path / "fear.yaml"
+    rules.write_text("rules of the start")
+    with recorder(folder, "record_folder", rules=str(rules)) as running:
+        recorded = recorder.of(running)
+        assert recorded.sends_until(lambda beat: "not recording" in beat.message)
+        rules.write_text("text that the supervisor refuses")
+        for adopted in ("", "adopted rules"):
+            if adopted:
+                recorded.adopts(adopted)
+                for _ in range(2):  # the recorder has heard what was published before its last heartbeat
+                    assert recorded.sends_until(lambda beat: "not recording" in beat.message)
+            recorded.button = True
+            assert recorded.sends_until(lambda beat: beat.message.startswith("recording "))
+            recorded.button = False
+            assert recorded.sends_until(lambda beat: "not recording" in beat.message)
+    kept = [read_recording(file).files["fear.yaml"] for file in sorted(folder.iterdir())]
+    assert kept == [b"rules of the start", b"adopted rules"]
 
 
 def test_a_folder_that_cannot_be_made_is_reported_until_the_button_is_pressed_again(
