@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +11,7 @@ from controller.model.bicycle import GRAVITY_MPS2, understeer_angle
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
+from trepid.speech.loudness import warn
 
 if TYPE_CHECKING:
     from controller.identify.identification import Parameter
@@ -103,7 +103,7 @@ def identify(
     loaded = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     drive = read_log(log, dict(_renaming(text) for text in column or []))
     if not drive.complete:
-        print(f"trepid: {log}: cut short; read up to its last whole chunk", file=sys.stderr)
+        warn(f"trepid: {log}: cut short; read up to its last whole chunk")
     steady = identify_understeer(drive, loaded, known_ratio=known_ratio, anyway=anyway)
     response = identify_response(drive, loaded)
     found = {**steady.parameters, **response.parameters}
@@ -119,7 +119,7 @@ def identify(
         for name, amount in excitation.items():
             print(f"excited: {name:38} {amount:.4g}")
     for name, reason in refused.items():
-        print(f"trepid: {log}: {name} not identified: {reason}", file=sys.stderr)
+        warn(f"trepid: {log}: {name} not identified: {reason}")
     return 1 if steady.refused else 0
 
 

@@ -2,7 +2,6 @@
 
 import math
 import pathlib
-import sys
 from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from typing import ClassVar
@@ -40,6 +39,7 @@ from trepid.messages import (
     VehicleState,
 )
 from trepid.scale import ReferenceWorld
+from trepid.speech.loudness import warn
 from trepid.spelling import did_you_mean
 from trepid.types import Positive, Share
 
@@ -312,4 +312,4 @@ def _warn_of_near_misses(settings: pathlib.Path, _: str, rules: FearRules) -> No
         hint = near_miss(rules, path[-1])
         if hint:
             warning = f"warning: no rule rates an estimator {path[-1]!r}; {hint}"
-            print("trepid:", located(path, warning, read(settings), settings), file=sys.stderr)
+            warn("trepid:", located(path, warning, read(settings), settings))

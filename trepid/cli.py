@@ -4,6 +4,7 @@ Exit codes: 0 good, 1 ran and failed its criterion, 2 bad usage, configuration o
 With ``--json`` standard output carries JSON only; progress and logs go to standard error.
 """
 
+import errno
 import os
 import re
 import sys
@@ -24,7 +25,10 @@ from typer.exceptions import TyperException
 from trepid import __version__
 from trepid.config import InputError
 from trepid.packages import check_packages
-from trepid.speech.loudness import Loudness, detail, loudness, speak
+from trepid.speech.loudness import Loudness, detail, loudness, speak, warn
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Numbers of the errors of a disk that takes no more."""
 
 
 class Verb(NamedTuple):
@@ -306,6 +310,11 @@ def root(
         raise typer.Exit
 
 
+def _discard_output() -> None:
+    """Discard all further output, also at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main() -> int:
     """Run the command line; return the exit code."""
     started_s = time.perf_counter()
@@ -316,16 +325,22 @@ def main() -> int:
         speak(Loudness.USUAL)
         check_packages()
         result = app(prog_name="trepid", standalone_mode=False)
+        sys.stdout.flush()
     except (InputError, TyperException) as error:
         detail(traceback.format_exc().rstrip())
         text = error.format_message() if isinstance(error, TyperException) else str(error)
-        print("trepid:", *text.replace(": Value error, ", ": ").split(), file=sys.stderr)  # pydantic's words
+        warn("trepid:", *text.replace(": Value error, ", ": ").split())  # pydantic's words
         return 2
     except (KeyboardInterrupt, typer.Abort):
         return 130
-    except BrokenPipeError:
-        # The reader of the output has ended, e.g. `| head`: discard all further output, also at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader of the output has ended, e.g. `| head`
+        _discard_output()
         return 0
+    except OSError as error:
+        if error.errno not in FULL or error.filename is not None:
+            raise
+        _discard_output()
+        warn(f"trepid: the output cannot be written: {error.strerror}")
+        return 2
     detail(f"trepid {__version__}: {time.perf_counter() - started_s:.2f} s")
     return result if isinstance(result, int) else 0

@@ -9,7 +9,6 @@ Files in folders, such as ``roads/town.yaml``, and rule files replace the defaul
 import copy
 import json
 import os
-import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,7 +24,7 @@ from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
 
 from trepid.scale import REFERENCE_LANE_M, scale_data
-from trepid.speech.loudness import detail
+from trepid.speech.loudness import detail, warn
 from trepid.spelling import did_you_mean
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -60,7 +59,7 @@ class Settings(BaseModel):
         today = {name: value for name, value in data.items() if name not in cls.former_names}
         for former in cls.former_names.keys() & data.keys():
             names = cls.former_names[former]
-            print(f"trepid: warning: the setting {former} is now {' and '.join(names)}", file=sys.stderr)
+            warn(f"trepid: warning: the setting {former} is now {' and '.join(names)}")
             for name in names:
                 today[name] = _over(today.get(name), data[former])
         return today

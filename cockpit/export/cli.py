@@ -1,7 +1,6 @@
 """The ``export`` verb."""
 
 import json
-import sys
 import time
 from collections.abc import Callable
 from enum import StrEnum
@@ -12,7 +11,7 @@ import typer
 
 from trepid.commands.car_option import Car
 from trepid.config import InputError
-from trepid.speech.loudness import note
+from trepid.speech.loudness import note, warn
 
 if TYPE_CHECKING:
     from cockpit.export.drive import Drive
@@ -89,14 +88,9 @@ def export(
         with recorded_car(drive.recorded):
             counts = _written(drive, work, kind, rate)
     if not drive.recorded.complete:
-        print(
-            "trepid export: the recording is cut short; exported up to its last whole chunk", file=sys.stderr
-        )
+        warn("trepid export: the recording is cut short; exported up to its last whole chunk")
     for key, count in drive.impossible.items():
-        print(
-            f"trepid export: {key}: {count} messages with an impossible capture time give no frame",
-            file=sys.stderr,
-        )
+        warn(f"trepid export: {key}: {count} messages with an impossible capture time give no frame")
     summary = {
         "file": str(out),
         "format": str(kind),

@@ -18,6 +18,7 @@ from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
 from trepid.messages import Frame
+from trepid.speech.loudness import warn
 from trepid.types import Image
 
 R = TypeVar("R")
@@ -53,7 +54,7 @@ class Unread:
         """Report ``error``. Raises it when strict."""
         if self._strict:
             raise error
-        print(f"{error}; left out", file=sys.stderr)
+        warn(f"{error}; left out")
         self.count += 1
 
 

@@ -1,10 +1,9 @@
 """The ``drive`` verb."""
 
 import json
-import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -16,7 +15,7 @@ from trepid.commands.estimator_option import Chosen
 from trepid.commands.record_option import RawImages
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.messages import Health
-from trepid.speech.loudness import Loudness, loudness
+from trepid.speech.loudness import Loudness, loudness, warn
 
 if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from rich.console import Group
@@ -169,13 +168,7 @@ def of_car() -> str:
 def say(text: str) -> None:
     """One line about the start of the drive, unless quiet."""
     if loudness() is not Loudness.QUIET:
-        write_line(f"trepid drive: {text}")
-
-
-def write_line(text: str) -> None:
-    """Write ``text`` to standard error. A full disk or a reader that has gone does not end the drive."""
-    with suppress(OSError):
-        print(text, file=sys.stderr, flush=True)
+        warn(f"trepid drive: {text}")
 
 
 @contextmanager
@@ -202,13 +195,13 @@ def shown(dashboard: bool) -> "Iterator[Show]":
         for beat in log.diagnostics.values():
             state = beat.health, " ".join(beat.message.split())
             if beat.health is not Health.OK and state != reported.get(beat.process):
-                write_line(f"process {beat.process}: {state[0]}: {state[1]}")
+                warn(f"process {beat.process}: {state[0]}: {state[1]}")
             reported[beat.process] = state
         if loudness() is Loudness.QUIET:
             return
         if elapsed_s - printed_s >= PLAIN_PERIOD_S or elapsed_s < printed_s:
             printed_s = elapsed_s
-            write_line(driving_line(log, elapsed_s=elapsed_s).plain)
+            warn(driving_line(log, elapsed_s=elapsed_s).plain)
 
     yield show
 

@@ -1,6 +1,5 @@
 """The ``sim road`` verbs: show, export and import roads."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +12,7 @@ from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.road import Road, RoadSettings
 from trepid.commands.car_option import Car
 from trepid.config import InputError
+from trepid.speech.loudness import warn
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 app.command("show")(show_verb)
@@ -44,7 +44,7 @@ def import_verb(
     imported = read_opendrive(source, road=road, lane=lane)
     write_road(imported.settings, out)
     for note in imported.notes:
-        print(f"{source}: {note}", file=sys.stderr)
+        warn(f"{source}: {note}")
     settings = imported.settings
     length_m = Road(settings).length_m
     print(

@@ -11,7 +11,6 @@ EXPRESSION joins ``input is [not] set`` by ``and``, ``or``, ``not`` and parenthe
 import itertools
 import math
 import re
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -26,6 +25,7 @@ from trepid import config
 from trepid.cache.grammar import lalr
 from trepid.causes import unknown_cause
 from trepid.config import InputError
+from trepid.speech.loudness import warn
 from trepid.spelling import did_you_mean
 
 MAX_CASES, MAX_DEPTH = 256, 32
@@ -120,9 +120,7 @@ def load_rules(path: Path) -> tuple[RuleFile, tuple[Rule, ...]]:
 def _warn_of_former_name(name: str, path: Path) -> None:
     line, column = config.position(config.read(path), ("inputs", name))
     new = name.removesuffix(FORMER_PATH_JITTER) + PATH_JITTER
-    print(
-        f"trepid: {path}:{line}:{column}: warning: the input {name!r} is now called {new!r}", file=sys.stderr
-    )
+    warn(f"trepid: {path}:{line}:{column}: warning: the input {name!r} is now called {new!r}")
 
 
 def _rule_at(index: int, file: RuleFile, path: Path) -> Rule:

@@ -13,10 +13,8 @@ is printed once.
 """
 
 import math
-import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -27,6 +25,7 @@ from trepid.clothoid import Motion
 from trepid.config import InputError
 from trepid.messages import ImageStatistics
 from trepid.plugins import Group, added, part
+from trepid.speech.loudness import warn
 
 
 class Moment(NamedTuple):
@@ -65,8 +64,7 @@ class FearInput(NamedTuple):
 @lru_cache(maxsize=64)  # of each place one line, however often the function fails there
 def _report(function: str, error: str, where: str) -> None:
     """Print that a function has failed."""
-    with suppress(OSError):
-        print(f"trepid: {where}: {error}: the fear input {function} is missing", file=sys.stderr)
+    warn(f"trepid: {where}: {error}: the fear input {function} is missing")
 
 
 def _place(error: Exception) -> str:

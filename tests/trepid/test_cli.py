@@ -7,6 +7,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -139,6 +140,28 @@ def assert_reported(code: int, out: str, err: str, text: str) -> None:
     (line,) = [line for line in err.splitlines() if not line.startswith("trepid drive: ")]  # progress
     assert text in line
     assert line.startswith("trepid: ")
+
+
+@pytest.mark.parametrize("words", [["--version"], ["--help"], ["fear", "show", "config/fear.yaml"]])
+def test_output_to_a_full_disk_ends_with_one_line_and_exit_code_2(words: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "trepid", *words],
+            cwd=ROOT,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert done.stderr == "trepid: the output cannot be written: No space left on device\n"
+
+
+def test_an_error_that_a_full_disk_takes_no_line_about_has_its_exit_code() -> None:
+    with Path("/dev/full").open("w") as full:
+        words = [sys.executable, "-m", "trepid", "fear", "check", "missing.yaml"]
+        done = subprocess.run(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=full, check=False)
+    assert (done.returncode, done.stdout) == (2, b"")
 
 
 def test_the_bicycle_model_answers_in_json() -> None:

@@ -1,10 +1,12 @@
 """What is said beside a result, on standard error.
 
 A *note* is progress, or an assumption; ``--quiet`` leaves notes out. A *detail*, such as a file that is read, is
-only said with ``--verbose``. Warnings and errors are printed by their own code, at every loudness.
+only said with ``--verbose``. A *warning* is said at every loudness. A standard error that refuses the text, such as
+a file on a full disk, ends nothing.
 """
 
 import sys
+from contextlib import suppress
 from enum import IntEnum
 
 
@@ -33,10 +35,16 @@ def speak(wanted: Loudness) -> None:
 def note(*words: object) -> None:
     """Say ``words`` in a line, unless quiet."""
     if _loudness >= Loudness.USUAL:
-        print(*words, file=sys.stderr, flush=True)
+        warn(*words)
 
 
 def detail(*words: object) -> None:
     """Say ``words`` in a line, where details are wanted."""
     if _loudness >= Loudness.VERBOSE:
+        warn(*words)
+
+
+def warn(*words: object) -> None:
+    """Say ``words`` in a line at every loudness."""
+    with suppress(OSError):
         print(*words, file=sys.stderr, flush=True)

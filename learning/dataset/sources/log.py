@@ -3,7 +3,6 @@
 import hashlib
 import math
 import re
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trepid.config import InputError
+from trepid.speech.loudness import warn
 from trepid.types import Column
 
 LICENCE = re.compile(r"(?i)\blicen[cs]e\b[^\n]*")
@@ -75,12 +75,12 @@ class Faults:
             raise InputError(text)
         self.count += 1
         if self.count <= MOST_NAMED:
-            print(f"trepid: {text}; left out", file=sys.stderr)
+            warn(f"trepid: {text}; left out")
 
     def close(self) -> None:
         """Report the number of faults that were not named."""
         if self.count > MOST_NAMED:
-            print(f"trepid: {self.count - MOST_NAMED} more of these, left out as well", file=sys.stderr)
+            warn(f"trepid: {self.count - MOST_NAMED} more of these, left out as well")
 
 
 def sha256_of_files(paths: Iterable[Path]) -> str:

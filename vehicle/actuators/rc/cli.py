@@ -19,6 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, car_folder, load
+from trepid.speech.loudness import warn
 from vehicle.actuators.rc import calibration_file
 from vehicle.actuators.rc.actuator import Board, open_board, require_reach
 from vehicle.actuators.rc.pulses import Speed
@@ -96,7 +97,7 @@ def steering(
         try:
             require_reach(name, calibration_file.settings_of(name).steering, vehicle)
         except InputError as error:
-            print(f"trepid: warning: {error}", file=sys.stderr)
+            warn(f"trepid: warning: {error}")
         print(json.dumps({"file": str(path), "board": name, **changes}) if as_json else f"{path}: written")
     elif as_json:
         print(json.dumps({"file": None, "board": name}))
