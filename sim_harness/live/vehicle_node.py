@@ -44,9 +44,9 @@ def run(me: Process) -> None:
         ticker.due()
         fresh = command.take()
         begun = begun or (fresh is not None and fresh.t_s is not None)
+        began_s = me.now_s()
+        button.hear(request.take(), state, now_s=began_s)
         if begun:
-            began_s = me.now_s()
-            button.hear(request.take(), state, now_s=began_s)
             if button.stops:
                 simulated.stop()
             permitted = button.permitted(command.message)
@@ -54,7 +54,7 @@ def run(me: Process) -> None:
             if fresh is not None:
                 times.note(fresh.t_s, command, began_s=began_s)
         else:
-            state, truth = simulated.wait(now_s=me.now_s())
+            state, truth = simulated.wait(now_s=began_s)
         send_state(state)
         send_truth(truth)
         lead = simulated.sense_lead() if publishes_lead else None
