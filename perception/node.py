@@ -43,13 +43,14 @@ class EstimatorNode:
         if frame is None:
             me.alive()
             return
-        began_s, started_s = me.now_s(), time.perf_counter()
+        began_s = me.now_s()
+        if self._statistician is not None:  # before the estimate, which makes the supervisor decide
+            self._send_statistics(self._statistician.step(frame, now_s=began_s))
+        started_s = time.perf_counter()
         estimate = self._estimator.step(frame, self._state.refresh(), now_s=began_s)
         latency_ms = 1e3 * (time.perf_counter() - started_s)
         self._send_estimate(replace(estimate, latency_ms=latency_ms))
         self._times.note(frame.t_s, self._frames, began_s=began_s)
-        if self._statistician is not None:
-            self._send_statistics(self._statistician.step(frame, now_s=began_s))
         self._journal.note(began_s)
         me.stepped()
 
