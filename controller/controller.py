@@ -4,7 +4,7 @@ Every input is checked for age, finiteness and plausibility. A missing or bad in
 
 | input | longitudinal | lateral |
 |---|---|---|
-| the next decision or vehicle state is late | comfort brake until it comes | – |
+| the next decision or vehicle state is late, or malformed | comfort brake until a good one comes | – |
 | no usable decision | comfort stop, after ``lost_s`` emergency stop | along the path while it is young enough |
 | no usable vehicle state | the same | holds the last wheel angle |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
@@ -138,10 +138,12 @@ class Controller:
         state: VehicleState | None,
         *,
         now_s: float,
+        malformed: bool = False,
         losses: Losses | None = None,
     ) -> Command:
         """The command for ``now_s`` [s]; always finite, and braking where an input is not good.
 
+        ``malformed``: the newest message of an input cannot be decoded; ``decision`` or ``state`` is an older one.
         ``losses``: the newest report of the launcher.
         """
         decision = self._reference.enlarged("decision", decision)
@@ -178,7 +180,7 @@ class Controller:
         drivable = self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
         lane = acting.lane if acting is not None and drivable else None
         lost = losses is not None and bool(losses.stop)
-        stop = self._stop(decision, lane, speed_mps, now_s, brake=lost or bool(late))
+        stop = self._stop(decision, lane, speed_mps, now_s, brake=lost or malformed or bool(late))
         cut = state is not None and state.saturated is True
         goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver, cut=cut)
         command = Command(
@@ -223,17 +225,9 @@ class Controller:
 
     def _usable_state(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
         """The state; None unless it is fresh and plausible. Wheel angle and yaw rate may be None."""
-        limits = self._settings.inputs
-        if state is None or not self._fresh(state.t_s, now_s, limits.stale_s):
+        if state is None or not self._fresh(state.t_s, now_s, self._settings.inputs.stale_s):
             return None
-        plausible = (
-            state.speed_mps is not None
-            and abs(state.speed_mps) <= limits.max_speed_mps
-            and (state.road_wheel_angle_rad is None or abs(state.road_wheel_angle_rad) <= math.pi / 2)
-            and (state.yaw_rate_radps is None or abs(state.yaw_rate_radps) <= limits.max_yaw_rate_radps)
-            and (state.driver_torque_nm is None or math.isfinite(state.driver_torque_nm))
-        )
-        return state if plausible else None
+        return state if _plausible(state, self._settings.inputs) else None
 
     def _fresh(self, t_s: float | None, now_s: float, max_age_s: float) -> bool:
         """False also for None and NaN, and for a stamp from the future."""
@@ -333,6 +327,16 @@ def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
         and 0.0 <= decision.lookahead_m <= limits.max_lookahead_m
     )
     return lane if plausible else None
+
+
+def _plausible(state: VehicleState, limits: InputLimits) -> bool:
+    return (
+        state.speed_mps is not None
+        and abs(state.speed_mps) <= limits.max_speed_mps
+        and (state.road_wheel_angle_rad is None or abs(state.road_wheel_angle_rad) <= math.pi / 2)
+        and (state.yaw_rate_radps is None or abs(state.yaw_rate_radps) <= limits.max_yaw_rate_radps)
+        and (state.driver_torque_nm is None or math.isfinite(state.driver_torque_nm))
+    )
 
 
 def _all_finite(decision: Decision) -> bool:

@@ -39,8 +39,13 @@ class ControllerNode:
         if not (self._ticker.due() or fresh or lost):
             return
         began_s = self._me.now_s()
+        decision, state = self._decision.message, self._state.refresh()
         command = self._controller.step(
-            self._decision.message, self._state.refresh(), now_s=began_s, losses=self._losses.message
+            decision,
+            state,
+            now_s=began_s,
+            malformed=self._decision.broken or self._state.broken,
+            losses=self._losses.message,
         )
         self._send(command)
         self._journal.note(began_s)

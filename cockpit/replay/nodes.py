@@ -196,8 +196,12 @@ def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:
 
 def _controller() -> Step:
     node = controller.controller.build()
-    return lambda read, now_s, _: node.step(
-        read[DECISION.key], read[VEHICLE_STATE.key], now_s=now_s, losses=read[LOSSES.key]
+    return lambda read, now_s, broken: node.step(
+        read[DECISION.key],
+        read[VEHICLE_STATE.key],
+        now_s=now_s,
+        malformed=not {DECISION.key, VEHICLE_STATE.key}.isdisjoint(broken),
+        losses=read[LOSSES.key],
     )
 
 

@@ -287,6 +287,16 @@ def test_a_lost_process_stops_the_car_whatever_the_decision_says():
     assert out.speed_mps == 0.0 and out.accel_mps2 <= 0.0
 
 
+def test_a_malformed_input_brakes_until_a_good_one_comes_and_the_car_is_still_steered():
+    one, now_s, _ = rolling(curvature_1pm=0.03)
+    for n, malformed in enumerate([True] * 8 + [False], start=1):
+        t = now_s + 0.02 * n
+        out = one.step(decision(t, curvature_1pm=0.03), state(t, speed_mps=4.0), now_s=t, malformed=malformed)
+        assert (out.speed_mps == 0.0) is malformed
+        assert out.accel_mps2 <= 0.0 or not malformed
+        assert out.road_wheel_angle_rad > 0.0
+
+
 def test_without_a_path_the_car_follows_the_remembered_one_then_holds_the_curvature_and_brakes():
     curvature = 0.03
     one, now_s, _ = rolling(curvature_1pm=curvature)
