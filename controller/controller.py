@@ -15,6 +15,7 @@ Every input is checked for age, finiteness and plausibility. A missing or bad in
 
 The emergency stop for lost inputs latches until standstill, or until a driver takes over.
 
+A path older than ``path_memory_s`` is forgotten under a driver, whose wheels are a better guess of the road.
 Without a path the last curvature is held: while a car stops, its bend lasts longer than a gap in the estimates, and
 straightening the wheel would leave the lane.
 """
@@ -171,13 +172,13 @@ class Controller:
         acting = self._acting(now_s)
         angle_rad = self._steer(acting, state, speed_mps, dt_s)
         self._predictor.commanded(angle_rad, now_s=now_s)
+        drivable = self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
         driver = state is not None and state.driver_override
         if driver:  # lost inputs do not matter while a driver steers
             self._healthy_s, self._emergency = now_s, False
             self._law.release()
-            if acting is None:  # without a path the next step holds the wheels as the driver has them
-                self._curvature_1pm = None
-        drivable = self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
+            if not drivable:  # without a young path the next step holds the wheels as the driver has them
+                self._path = self._curvature_1pm = None
         lane = acting.lane if acting is not None and drivable else None
         lost = losses is not None and bool(losses.stop)
         stop = self._stop(decision, lane, speed_mps, now_s, brake=lost or malformed or bool(late))
