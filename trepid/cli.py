@@ -325,7 +325,8 @@ def main() -> int:
         speak(Loudness.USUAL)
         check_packages()
         result = app(prog_name="trepid", standalone_mode=False)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # closed
+            sys.stdout.flush()
     except (InputError, TyperException) as error:
         detail(traceback.format_exc().rstrip())
         text = error.format_message() if isinstance(error, TyperException) else str(error)
