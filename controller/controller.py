@@ -177,7 +177,7 @@ class Controller:
         if driver:  # lost inputs do not matter while a driver steers
             self._healthy_s, self._emergency = now_s, False
             self._law.release()
-            if not drivable:  # without a young path the next step holds the wheels as the driver has them
+            if acting is None or not drivable:  # the next step holds the wheels as the driver has them
                 self._path = self._curvature_1pm = None
         lane = acting.lane if acting is not None and drivable else None
         lost = losses is not None and bool(losses.stop)
