@@ -18,9 +18,9 @@ from trepid.messages import Diagnostic, Health
 from trepid.processes.process import Process, process
 from trepid.processes.settings import LAUNCHER
 from trepid.recording.keeper import Keeper
-from trepid.recording.notes import adopted_rules, drive_notes
+from trepid.recording.notes import drive_notes
 from trepid.recording.ring import free_path, ring_settings
-from trepid.recording.writer import BEGAN, BusRecorder, attachments, rules_name
+from trepid.recording.writer import BEGAN, BusRecorder, attach_adopted, attachments
 from trepid.topics import DIAGNOSTICS, DRIVER_INPUT
 
 PERIOD_S = 0.05  # between two writes; much shorter than the ring of the tap lasts
@@ -33,22 +33,20 @@ class Heard:
     """The start of the drive and the files of a recording that begins now, by the heartbeats so far."""
 
     def __init__(self, beats: Stream[Diagnostic], files: Mapping[str, bytes]) -> None:
-        """``files``: as they were when the drive began."""
+        """``files``: as they were when the recorder started."""
         self._beats = beats
         self.files = dict(files)
-        """Files to attach, by name; rules that the supervisor has adopted replace those of the beginning."""
+        """Files to attach, by name; rules that the supervisor has adopted since are among them."""
         self.began_ns: int | None = None
         """Start of the drive; None until the launcher has reported it."""
 
     def refresh(self) -> None:
         """Take the heartbeats since the last call."""
         for beat, _ in self._beats.drain():
-            began_ns, adopted = dict(beat.values).get(BEGAN), adopted_rules(beat)
+            began_ns = dict(beat.values).get(BEGAN)
             if beat.process == LAUNCHER and began_ns is not None:
                 self.began_ns = int(began_ns)
-            name = rules_name(self.files)
-            if name is not None and adopted is not None:
-                self.files[name] = adopted
+            attach_adopted(self.files, beat)
 
 
 def run(me: Process) -> None:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from trepid.config import InputError
-from trepid.messages import Diagnostic
 
 WHAT, ESTIMATORS, CRUISE, PERIOD = "what", "estimators", "cruise_speed_mps", "lockstep_period_s"
 NETWORKS = "networks"
@@ -53,12 +52,6 @@ def networks_of(notes: Mapping[str, str]) -> dict[str, tuple[Path, str]]:
         raise InputError(
             f"the recording notes {NETWORKS}: {notes[NETWORKS]!r}, which is no list of them"
         ) from error
-
-
-def adopted_rules(beat: Diagnostic) -> bytes | None:
-    """The text of the changed rules that a supervisor reports in ``beat``; None where it reports none."""
-    text = dict(beat.values).get(RULES)
-    return None if text is None else text.encode()
 
 
 def hash_of(file: Path) -> str:

@@ -24,9 +24,9 @@ from trepid.messages import Diagnostic
 from trepid.processes.drive_settings import DriveSettings, RingSettings
 from trepid.processes.register import choose, running
 from trepid.recording.foreign import in_order
-from trepid.recording.notes import RULES_FROM_S, adopted_rules
+from trepid.recording.notes import RULES_FROM_S
 from trepid.recording.reader import read_recording
-from trepid.recording.writer import BEGAN, Recording, remove, rules_name
+from trepid.recording.writer import BEGAN, Recording, attach_adopted, remove
 from trepid.topics import DIAGNOSTICS
 from trepid.wire import WireError, from_cdr
 
@@ -101,11 +101,8 @@ class Ring:
 
     def _attach_rules(self, heartbeat: bytes) -> None:
         """Attach the rules that ``heartbeat`` reports as adopted to the next parts, which may outlive it."""
-        name = rules_name(self._files)
         with suppress(WireError):  # malformed on the bus
-            adopted = adopted_rules(from_cdr(heartbeat, Diagnostic))
-            if name is not None and adopted is not None:
-                self._files[name] = adopted
+            attach_adopted(self._files, from_cdr(heartbeat, Diagnostic))
 
     def _next(self, at_s: float) -> None:
         self.close()

@@ -19,6 +19,8 @@ from trepid import __version__
 from trepid.bus import Bus
 from trepid.clock import nanoseconds
 from trepid.config import InputError, car_folder
+from trepid.messages import Diagnostic
+from trepid.recording.notes import RULES
 from trepid.topics import CAMERA_IMAGE, topic_of
 from trepid.wire import definition, ros_name
 
@@ -79,6 +81,13 @@ def attachments(rules: Path) -> dict[str, bytes]:
 def rules_name(files: Iterable[str]) -> str | None:
     """The name of the rule file among the attached ``files``, which is none of the car; None without one."""
     return next((name for name in files if not name.startswith(CAR_FILES)), None)
+
+
+def attach_adopted(files: dict[str, bytes], beat: Diagnostic) -> None:
+    """Replace the rule file among the attached ``files`` where ``beat`` reports changed rules as adopted."""
+    name, text = rules_name(files), dict(beat.values).get(RULES)
+    if name is not None and text is not None:
+        files[name] = text.encode()
 
 
 class Recording:
