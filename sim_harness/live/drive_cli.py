@@ -15,7 +15,7 @@ from trepid.commands.estimator_option import Chosen
 from trepid.commands.record_option import RawImages
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.messages import Health
-from trepid.speech.loudness import Loudness, loudness, warn
+from trepid.speech.loudness import Loudness, loudness, note, warn
 
 if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from rich.console import Group
@@ -167,8 +167,7 @@ def of_car() -> str:
 
 def say(text: str) -> None:
     """One line about the start of the drive, unless quiet."""
-    if loudness() is not Loudness.QUIET:
-        warn(f"trepid drive: {text}")
+    note(f"trepid drive: {text}")
 
 
 @contextmanager
@@ -262,8 +261,8 @@ def summary(row: dict[str, Any]) -> "Table":
     table.add_column("value")
     for reason in row["reasons"]:
         table.add_row("reason", f"[red]{escape(reason)}[/]")
-    for note in row["notes"]:
-        table.add_row("note", f"[yellow]{escape(note)}[/]")
+    for remark in row["notes"]:
+        table.add_row("note", f"[yellow]{escape(remark)}[/]")
     for key, value in row.items():
         if key in ("scenario", "seed", "status", "reasons", "notes", "processes", "latency_ms", "stages_ms"):
             continue

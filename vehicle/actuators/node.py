@@ -7,7 +7,6 @@ controller still steers. At its end, also by an error, it brings the actuator to
 because it was killed or is frozen, the wire falls silent, and the car itself has to stop.
 """
 
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple, TypeVar
@@ -19,6 +18,7 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Health, VehicleState
 from trepid.processes.process import STOP_S, Process, Ticker, process
 from trepid.processes.timing import Timekeeper
+from trepid.speech.loudness import warn
 from trepid.topics import COMMAND, DRIVER_INPUT, STOP_REQUEST, VEHICLE_STATE
 from vehicle.actuators.actuator import Actuator, Car
 from vehicle.actuators.table import build as build_actuator
@@ -127,7 +127,7 @@ def safe_at_end(actuator: Actuator) -> Iterator[None]:
         try:
             actuator.close()
         except OSError as error:
-            print(f"actuator: the safe state was not sent: {error}", file=sys.stderr)
+            warn(f"actuator: the safe state was not sent: {error}")
 
 
 def run(me: Process) -> None:
