@@ -187,7 +187,7 @@ def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:
             read[LEAD_VEHICLE.key],
             read[VEHICLE_STATE.key],
             now_s=now_s,
-            malformed=[called[key] for key in broken],
+            malformed=[called[key] for key in broken if key in called],  # as in a drive, not those of losses
             losses=read[LOSSES.key],
         )
 

@@ -13,7 +13,9 @@ from recorded_rig import recorded
 from typer.testing import CliRunner
 
 from cockpit.logbook.recall import recall
+from cockpit.replay.nodes import nodes_of, settings_of
 from cockpit.replay.rerun import Rerun, rerun
+from cockpit.replay.tape import Tape
 from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.cli import app
@@ -22,7 +24,7 @@ from trepid.messages import Mode, Steps
 from trepid.recording.foreign import in_order
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording, attachments
-from trepid.topics import COMMAND, DECISION, STEPS, VEHICLE_STATE
+from trepid.topics import COMMAND, DECISION, LOSSES, STEPS, VEHICLE_STATE
 from trepid.wire import to_cdr
 
 pytestmark = pytest.mark.long
@@ -195,6 +197,15 @@ def test_the_inputs_of_a_live_step_are_those_that_its_report_names(unseen: Path,
     assert found.doubts[COMMAND.key] == ""
     assert found.topics[COMMAND.key].compared == len(commands)
     assert found.topics[COMMAND.key].different > 100
+
+
+def test_malformed_losses_raise_no_fear_as_in_a_drive(unseen: Path) -> None:
+    tape = Tape(unseen)
+    with settings_of(tape, None) as setup:
+        node = nodes_of(tape, setup)["supervisor"]
+        nothing = dict.fromkeys((topic.key for topic in node.inputs), None)
+        sound, torn = (node.build()(nothing, 1000.0, broken) for broken in ((), (LOSSES.key,)))
+    assert repr(torn) == repr(sound)
 
 
 @pytest.fixture(scope="module")
