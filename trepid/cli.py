@@ -322,11 +322,25 @@ def main() -> int:
         if isinstance(stream, TextIOWrapper):  # names may contain characters that the terminal cannot print
             stream.reconfigure(errors="backslashreplace")
     try:
+        code = _run()
+        _flush_output()
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        _discard_output()
+        where = "" if error.filename is None else f"{error.filename}: "
+        warn(f"trepid: {where}cannot write: {error.strerror}")
+        return 2
+    detail(f"trepid {__version__}: {time.perf_counter() - started_s:.2f} s")
+    return code
+
+
+def _run() -> int:
+    """Run the verb of the command line; return the exit code. Raises OSError."""
+    try:
         speak(Loudness.USUAL)
         check_packages()
         result = app(prog_name="trepid", standalone_mode=False)
-        if sys.stdout is not None:  # closed
-            sys.stdout.flush()
     except (InputError, TyperException) as error:
         detail(traceback.format_exc().rstrip())
         text = error.format_message() if isinstance(error, TyperException) else str(error)
@@ -337,11 +351,13 @@ def main() -> int:
     except BrokenPipeError:  # the reader of the output has ended, e.g. `| head`
         _discard_output()
         return 0
-    except OSError as error:
-        if error.errno not in FULL or error.filename is not None:
-            raise
-        _discard_output()
-        warn(f"trepid: the output cannot be written: {error.strerror}")
-        return 2
-    detail(f"trepid {__version__}: {time.perf_counter() - started_s:.2f} s")
     return result if isinstance(result, int) else 0
+
+
+def _flush_output() -> None:
+    """Write what is left of the output, unless its reader has ended. Raises OSError."""
+    try:
+        if sys.stdout is not None:  # closed
+            sys.stdout.flush()
+    except BrokenPipeError:
+        _discard_output()

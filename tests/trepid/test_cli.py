@@ -1,5 +1,6 @@
 """The command line: every verb is there, and bad usage is one line and exit code 2."""
 
+import errno
 import json
 import os
 import re
@@ -154,7 +155,35 @@ def test_output_to_a_full_disk_ends_with_one_line_and_exit_code_2(words: list[st
             check=False,
         )
     assert done.returncode == 2
-    assert done.stderr == "trepid: the output cannot be written: No space left on device\n"
+    assert done.stderr == "trepid: cannot write: No space left on device\n"
+
+
+def test_an_error_has_its_exit_code_where_a_full_disk_takes_no_output() -> None:
+    with Path("/dev/full").open("w") as full:
+        words = [sys.executable, "-m", "trepid", "fear", "check", "missing.yaml"]
+        done = subprocess.run(words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("trepid: missing.yaml")
+
+
+def test_a_full_disk_under_another_file_is_reported_with_its_name(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(**_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "drive.csv")
+
+    monkeypatch.setattr("trepid.cli.app", refuse)
+    with Path(os.devnull).open("w") as output:
+        monkeypatch.setattr(sys, "stdout", output)
+        assert trepid_main() == 2
+    assert capfd.readouterr().err == "trepid: drive.csv: cannot write: No space left on device\n"
+
+
+def test_a_closed_standard_error_leaves_standard_output_to_the_result() -> None:
+    words = shlex.join([sys.executable, "-m", "trepid", "fear", "check", "missing.yaml"])
+    done = subprocess.run(f"{words} 2>&-", shell=True, cwd=ROOT, stdout=subprocess.PIPE, check=False)
+    assert (done.returncode, done.stdout) == (2, b"")
 
 
 def test_an_error_that_a_full_disk_takes_no_line_about_has_its_exit_code() -> None:

@@ -24,6 +24,7 @@ from trepid.clock import epoch_clock
 from trepid.config import InputError, Settings
 from trepid.messages import Diagnostic, Health
 from trepid.security import session_settings
+from trepid.speech.loudness import warn
 from trepid.topics import DIAGNOSTICS, VEHICLE_STATE, Topic
 
 Values = tuple[tuple[str, str], ...]
@@ -185,7 +186,7 @@ def process() -> Iterator[Process]:
         with open_bus(assignment.vehicle_name, clock, connect=assignment.connect, further=secured) as bus:
             yield Process(assignment, bus, stop)
     except InputError as error:
-        print(" ".join(str(error).split()), file=sys.stderr)
+        warn(*str(error).split())
         sys.exit(BAD_INPUT)
 
 

@@ -2,7 +2,7 @@
 
 A *note* is progress, or an assumption; ``--quiet`` leaves notes out. A *detail*, such as a file that is read, is
 only said with ``--verbose``. A *warning* is said at every loudness. A standard error that refuses the text, such as
-a file on a full disk, ends nothing.
+a file on a full disk, or is closed, ends nothing.
 """
 
 import sys
@@ -46,5 +46,7 @@ def detail(*words: object) -> None:
 
 def warn(*words: object) -> None:
     """Say ``words`` in a line at every loudness."""
+    if sys.stderr is None:  # closed; print would take standard output
+        return
     with suppress(OSError):
         print(*words, file=sys.stderr, flush=True)
