@@ -17,7 +17,7 @@ def run(me: Process) -> None:
     """Advance in real time at the period of the plant, with and without commands.
 
     The run begins with the first command that is based on a frame; until then the processes start, and the other
-    vehicles stand.
+    vehicles stand. Stop requests count from the start of the process.
     """
     scenario, settings = Scenario.model_validate(me.options["scenario"]), load_simulator()
     command = me.bus.latest(COMMAND)
