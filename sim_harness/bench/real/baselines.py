@@ -16,7 +16,7 @@ Row = dict[str, Any]
 BOUNDS = ((0.2, 0.7), (0.2, 0.7), (0.3, 0.8), (-0.5, 0.5), (0.5, 1.5))
 """Of top row, left and right end there, left and right end at the bottom, in shares of the image."""
 FIT_FRAMES = 40
-BEFORE_S = 0.2
+BEFORE_S, AROUND_S = 0.2, 0.5
 
 
 def masks_of(rows: Sequence[Row], field: str) -> Mask:
@@ -63,13 +63,15 @@ def fitted(others: Sequence[Row]) -> Mask | None:
 
 
 def angles(rows: Sequence[Row]) -> dict[str, Array]:
-    """Wheel angles [rad] of each baseline, shape (n,): straight ahead, mean of other stretches, 0.2 s ago.
+    """Wheel angles [rad] of each baseline, shape (n,).
 
-    NaN where there is none: in the first 0.2 s of a stretch, or without another stretch.
+    Straight ahead, mean of other stretches, the driver's angle of 0.2 s ago, and the mean of the driver's angles
+    from 0.5 s before to 0.5 s after the frame without that of the frame: what remains of the course without pulses.
+    NaN where there is none: in the first 0.2 s of a stretch, or without another stretch or frame.
     """
     truth = np.array([row["steering_rad"] for row in rows], float)
     drives, t_s = np.array([row["drive"] for row in rows]), np.array([row["t_s"] for row in rows])
-    mean, before = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
+    mean, before, around = (np.full(len(rows), np.nan) for _ in range(3))
     for drive in dict.fromkeys(drives.tolist()):
         mine = np.flatnonzero(drives == drive)
         if len(mine) < len(rows):
@@ -77,4 +79,8 @@ def angles(rows: Sequence[Row]) -> dict[str, Array]:
         index = np.searchsorted(t_s[mine], t_s[mine] - BEFORE_S, side="right") - 1
         past = index >= 0
         before[mine[past]] = truth[mine[index[past]]]
-    return {"straight": np.zeros(len(rows)), "mean": mean, "previous_200ms": before}
+        near = np.abs(t_s[mine][:, None] - t_s[mine]) <= AROUND_S
+        np.fill_diagonal(near, False)
+        some = near.any(axis=1)
+        around[mine[some]] = near[some] @ truth[mine] / near[some].sum(axis=1)
+    return {"straight": np.zeros(len(rows)), "mean": mean, "previous_200ms": before, "around_500ms": around}

@@ -43,8 +43,10 @@ EMPTY: Figures = dict.fromkeys(
         "mae_straight_deg",
         "mae_mean_deg",
         "mae_previous_200ms_deg",
+        "mae_around_500ms_deg",
         "correlation",
         "correlation_previous_200ms",
+        "correlation_around_500ms",
         "auroc_confidence",
         "auroc_fear",
         "judged",
@@ -148,8 +150,9 @@ def _angles(rows: Sequence[Row], answers: Sequence[Row]) -> Figures:
         off = np.abs(np.degrees(angle_rad) - truth)[seen]
         found[f"mae_{name}_deg"] = _mean(off[np.isfinite(off)])
     found["correlation"] = _correlation(mine, truth)
-    previous = np.where(seen, np.degrees(trivial["previous_200ms"]), np.nan)
-    found["correlation_previous_200ms"] = _correlation(previous, truth)
+    for name in ("previous_200ms", "around_500ms"):
+        other = np.where(seen, np.degrees(trivial[name]), np.nan)
+        found[f"correlation_{name}"] = _correlation(other, truth)
     return found
 
 
