@@ -324,6 +324,8 @@ def main() -> int:
     try:
         code = _run()
         _flush_output()
+    except (KeyboardInterrupt, typer.Abort):
+        return 130
     except OSError as error:
         if error.errno not in FULL:
             raise
@@ -346,8 +348,6 @@ def _run() -> int:
         text = error.format_message() if isinstance(error, TyperException) else str(error)
         warn("trepid:", *text.replace(": Value error, ", ": ").split())  # pydantic's words
         return 2
-    except (KeyboardInterrupt, typer.Abort):
-        return 130
     except BrokenPipeError:  # the reader of the output has ended, e.g. `| head`
         _discard_output()
         return 0
