@@ -27,6 +27,8 @@ from trepid.config import InputError
 from trepid.packages import check_packages
 from trepid.speech.loudness import Loudness, detail, loudness, speak, warn
 
+BAD_INPUT, INTERRUPTED = 2, 130
+"""Exit codes."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Numbers of the errors of a disk that takes no more."""
 
@@ -312,7 +314,8 @@ def root(
 
 def _discard_output() -> None:
     """Discard all further output, also at exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if sys.stdout is not None:  # closed
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def main() -> int:
@@ -323,17 +326,11 @@ def main() -> int:
             stream.reconfigure(errors="backslashreplace")
     try:
         code = _run()
-        _flush_output()
-    except (KeyboardInterrupt, typer.Abort):
-        return 130
     except OSError as error:
-        if error.errno not in FULL:
-            raise
-        _discard_output()
-        where = "" if error.filename is None else f"{error.filename}: "
-        warn(f"trepid: {where}cannot write: {error.strerror}")
-        return 2
-    detail(f"trepid {__version__}: {time.perf_counter() - started_s:.2f} s")
+        code = _unwritten(error)
+    code = _flushed(code)
+    if code == 0:
+        detail(f"trepid {__version__}: {time.perf_counter() - started_s:.2f} s")
     return code
 
 
@@ -347,17 +344,37 @@ def _run() -> int:
         detail(traceback.format_exc().rstrip())
         text = error.format_message() if isinstance(error, TyperException) else str(error)
         warn("trepid:", *text.replace(": Value error, ", ": ").split())  # pydantic's words
-        return 2
+        return BAD_INPUT
+    except (KeyboardInterrupt, typer.Abort):
+        return INTERRUPTED
     except BrokenPipeError:  # the reader of the output has ended, e.g. `| head`
         _discard_output()
         return 0
     return result if isinstance(result, int) else 0
 
 
-def _flush_output() -> None:
-    """Write what is left of the output, unless its reader has ended. Raises OSError."""
+def _flushed(code: int) -> int:
+    """Write what is left of the output; the exit code, which is ``code`` unless a good run cannot be written."""
     try:
         if sys.stdout is not None:  # closed
             sys.stdout.flush()
+    except KeyboardInterrupt:
+        _discard_output()
+        return INTERRUPTED
     except BrokenPipeError:
         _discard_output()
+    except OSError as error:
+        if code == 0:
+            return _unwritten(error)
+        _discard_output()
+    return code
+
+
+def _unwritten(error: OSError) -> int:
+    """Report a full disk; the exit code. Raises every other error again."""
+    if error.errno not in FULL:
+        raise error
+    _discard_output()
+    where = "" if error.filename is None else f"{error.filename}: "
+    warn(f"trepid: {where}cannot write: {error.strerror}")
+    return BAD_INPUT

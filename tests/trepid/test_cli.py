@@ -1,6 +1,7 @@
 """The command line: every verb is there, and bad usage is one line and exit code 2."""
 
 import errno
+import io
 import json
 import os
 import re
@@ -18,7 +19,7 @@ from typer.testing import CliRunner
 from trepid import __version__
 from trepid.cli import EXAMPLES, VERBS, app
 from trepid.cli import main as trepid_main
-from trepid.config import CONFIG_DIR, ROOT
+from trepid.config import CONFIG_DIR, ROOT, InputError
 from trepid.packages import PACKAGES
 
 
@@ -158,13 +159,43 @@ def test_output_to_a_full_disk_ends_with_one_line_and_exit_code_2(words: list[st
     assert done.stderr == "trepid: cannot write: No space left on device\n"
 
 
-def test_an_error_has_its_exit_code_where_a_full_disk_takes_no_output() -> None:
+@pytest.mark.parametrize(
+    ("ending", "code", "said"),
+    [
+        (InputError("bad.yaml: no"), 2, "trepid: bad.yaml: no\n"),
+        (KeyboardInterrupt(), 130, ""),
+        (1, 1, ""),
+        (0, 2, "trepid: cannot write: No space left on device\n"),
+    ],
+)
+def test_an_exit_code_other_than_0_stays_where_a_full_disk_takes_no_output(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], ending: Any, code: int, said: str
+) -> None:
+    def run(**_: object) -> Any:
+        print("half of the output")
+        if isinstance(ending, BaseException):
+            raise ending
+        return ending
+
+    monkeypatch.setattr("trepid.cli.app", run)
     with Path("/dev/full").open("w") as full:
-        words = [sys.executable, "-m", "trepid", "fear", "check", "missing.yaml"]
-        done = subprocess.run(words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("trepid: missing.yaml")
+        monkeypatch.setattr(sys, "stdout", full)
+        assert trepid_main() == code
+    assert capfd.readouterr().err == said
+
+
+def test_an_interrupt_while_the_output_is_written_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Slow(io.StringIO):
+        def flush(self) -> None:
+            raise KeyboardInterrupt
+
+        def fileno(self) -> int:
+            return spare.fileno()
+
+    monkeypatch.setattr("trepid.cli.app", lambda **_: 0)
+    with Path(os.devnull).open("w") as spare:
+        monkeypatch.setattr(sys, "stdout", Slow())
+        assert trepid_main() == 130
 
 
 def test_a_full_disk_under_another_file_is_reported_with_its_name(
