@@ -79,7 +79,7 @@ def angles(rows: Sequence[Row]) -> dict[str, Array]:
         index = np.searchsorted(t_s[mine], t_s[mine] - BEFORE_S, side="right") - 1
         past = index >= 0
         before[mine[past]] = truth[mine[index[past]]]
-        near = np.abs(t_s[mine][:, None] - t_s[mine]) <= AROUND_S
+        near = np.abs(t_s[mine][:, None] - t_s[mine]) < AROUND_S + 1e-6
         np.fill_diagonal(near, False)
         some = near.any(axis=1)
         around[mine[some]] = near[some] @ truth[mine] / near[some].sum(axis=1)

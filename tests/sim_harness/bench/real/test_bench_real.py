@@ -106,7 +106,12 @@ def test_angles_of_other_times_are_the_baselines_of_a_drive():
     ]
     found = baselines.angles(rows)
     assert found["previous_200ms"][:5] == pytest.approx([np.nan, np.nan, 0.0, 0.1, 0.2], nan_ok=True)
-    assert found["around_500ms"] == pytest.approx([0.25, 0.225, 0.2, 0.175, 0.15, np.nan], nan_ok=True)
+    assert np.isnan(found["around_500ms"][5])
+    longer = [
+        row(answer(0.5), drive="a", t_s=0.1 * n, steering_rad=float(n == 9), file=str(n)) for n in range(20)
+    ]
+    near = [0.1 if 4 <= n <= 14 and n != 9 else 0.0 for n in range(20)]
+    assert baselines.angles(longer)["around_500ms"] == pytest.approx(near)
     assert found["mean"][0] == pytest.approx(0.7)
     assert found["mean"][5] == pytest.approx(0.2)
     assert (found["straight"] == 0).all()
