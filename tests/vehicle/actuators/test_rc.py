@@ -202,7 +202,9 @@ def test_a_guard_that_ended_is_a_failure_of_the_wire(tmp_path) -> None:
     clock = Time()
     with chip_on(tmp_path / "i2c"):
         actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
-        os.kill(actuator._board._guard.pid, signal.SIGKILL)
+        guard = actuator._board._guard.pid
+        os.kill(guard, signal.SIGKILL)
+        os.waitid(os.P_PID, guard, os.WEXITED | os.WNOWAIT)
         with pytest.raises(OSError, match="guard"):
             for _ in range(1000):
                 drive(actuator, clock, 0.0, 0.1)
