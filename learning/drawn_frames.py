@@ -70,12 +70,9 @@ class LaneSample:
 
 
 def road_samples(
-    seed: int, camera: Camera, *, frames: int, scenery: Scenery = OPEN_COUNTRY, ahead_m: float = AHEAD_M
+    seed: int, camera: Camera, *, frames: int, scenery: Scenery = OPEN_COUNTRY
 ) -> Iterator[LaneSample]:
-    """``frames`` frames of the road of ``seed``, in the order along the road: shuffle before training.
-
-    The curvature rate of their lanes is the mean over ``ahead_m``.
-    """
+    """``frames`` frames of the road of ``seed``, in the order along the road: shuffle before training."""
     rng = np.random.default_rng((seed, 10))
     street, things, (first_m, last_m) = _random_place(rng, np.random.default_rng((seed, 11)), scenery)
     disturbed_now = rng.random() < DISTURBED_SHARE
@@ -92,9 +89,7 @@ def road_samples(
     for index, station_m in enumerate(np.sort(rng.uniform(first_m, last_m, frames)).tolist()):
         mirror = bool(rng.random() < 0.5)
         renderer = renderer_of(int(rng.integers(CAMERAS_PER_ROAD)), mirror)
-        yield _sample(
-            renderer, station_m, rng, index=index, mirror=mirror, vehicles=street.vehicles, ahead_m=ahead_m
-        )
+        yield _sample(renderer, station_m, rng, index=index, mirror=mirror, vehicles=street.vehicles)
 
 
 def _random_place(
@@ -125,7 +120,6 @@ def _sample(
     index: int,
     mirror: bool,
     vehicles: tuple[tuple[Pose, Body], ...],
-    ahead_m: float,
 ) -> LaneSample:
     """A frame at a random pose near ``station_m``, or its mirror image."""
     road = renderer.road
@@ -144,7 +138,7 @@ def _sample(
         motion=Motion(float(rng.uniform(0, 12)), float(rng.normal(0, 0.2))),
         light=light,
     )
-    lane = lane_at(road, station_m, offset_m, heading_error, ahead_m=ahead_m)
+    lane = lane_at(road, station_m, offset_m, heading_error, ahead_m=AHEAD_M)
     return LaneSample(
         image=np.ascontiguousarray(image[:, ::-1]) if mirror else image,
         lane=Lane(*(-value for value in lane[:4])) if mirror else lane,

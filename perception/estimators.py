@@ -108,8 +108,7 @@ def _steer_net_assumed(camera: Camera, vehicle: Vehicle) -> Estimator:
     from perception.net.confirmed import ConfirmedNet
     from perception.net.steer_net import SteerNet, SteerNetSettings
 
-    settings = load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings)
-    network = SteerNet(settings, camera, vehicle, assumed=True)
+    network = SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
     return ConfirmedNet(network, WhichLane(lane_cv_settings(), camera, vehicle), camera, vehicle)
 
 

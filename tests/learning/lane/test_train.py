@@ -9,11 +9,11 @@ import pytest
 
 import learning.rendered
 from learning.drawn_frames import road_samples
-from learning.lane.frames import MOUNTS, Shot, circuit_frames, mounted_frames, random_frames
+from learning.lane.frames import Shot, circuit_frames, random_frames
 from learning.lane.scores import Labelled
 from learning.lane.train import train
 from learning.rendered import FIRST_ROAD, ROADS_PER_SEED
-from perception.net.canonical import CanonicalView, cropped, lane_of_row
+from perception.net.canonical import cropped
 from sim_harness.world.road_file import load_road
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
@@ -65,28 +65,6 @@ def test_the_labels_are_those_of_the_rendered_frame():
         rate = (lane[3] - lane[2]) / SHOT.lookahead_m
         assert lane[:3] == pytest.approx(sample.lane[:3], abs=1e-6)
         assert rate == pytest.approx(sample.lane.curvature_rate_1pm2, abs=1e-6)
-        assert lane[4] == pytest.approx(sample.lane_width_m)
-
-
-def test_the_labels_from_a_higher_camera_are_those_of_a_smaller_world():
-    high = CAMERA.model_copy(update=dict(height_m=1.5 * CAMERA.height_m))
-    samples = list(road_samples(7, CAMERA, frames=2, ahead_m=15.0))
-    view = CanonicalView(high, CANONICAL)
-    for row, sample in zip(Shot(high, CANONICAL, 10.0, 2).labelled(samples).lanes, samples, strict=True):
-        lane, width_m = lane_of_row(row, 10.0)
-        assert view.lane(lane)[:4] == pytest.approx(sample.lane[:4], abs=1e-5)
-        assert 1.5 * width_m == pytest.approx(sample.lane_width_m, rel=1e-5)
-
-
-@pytest.mark.usefixtures("in_this_process")
-def test_frames_of_other_mounts_come_with_the_scale_of_their_world(tmp_path, monkeypatch):
-    monkeypatch.setattr("learning.lane.frames.MOUNTED_FRAMES", 2)
-    found = mounted_frames(SHOT, seed=1, folder=tmp_path, reuse=False, report=silent)
-    assert {name: scale for name, (_, scale) in found.items()} == {
-        name: factors["height"] for name, factors in MOUNTS.items()
-    }
-    widths_m = {name: frames.lanes[0, 4] * scale for name, (frames, scale) in found.items()}
-    assert list(widths_m.values()) == pytest.approx([widths_m["high camera"]] * len(MOUNTS), rel=1e-5)
 
 
 def test_the_frames_of_the_circuit_cover_it_section_by_section():
