@@ -110,7 +110,7 @@ def test_angles_of_other_times_are_the_baselines_of_a_drive():
     longer = [
         row(answer(0.5), drive="a", t_s=0.1 * n, steering_rad=float(n == 9), file=str(n)) for n in range(20)
     ]
-    near = [0.1 if 4 <= n <= 14 and n != 9 else 0.0 for n in range(20)]
+    near = [1 / (min(n, 5) + 5) if 4 <= n <= 14 and n != 9 else 0.0 for n in range(20)]
     assert baselines.angles(longer)["around_500ms"] == pytest.approx(near)
     assert found["mean"][0] == pytest.approx(0.7)
     assert found["mean"][5] == pytest.approx(0.2)
