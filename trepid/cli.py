@@ -23,12 +23,10 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 from trepid import __version__
-from trepid.config import InputError
+from trepid.config import BAD_INPUT, INTERRUPTED, InputError
 from trepid.packages import check_packages
 from trepid.speech.loudness import Loudness, detail, loudness, speak, warn
 
-BAD_INPUT, INTERRUPTED = 2, 130
-"""Exit codes."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Numbers of the errors of a disk that takes no more."""
 

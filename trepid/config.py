@@ -65,6 +65,10 @@ class Settings(BaseModel):
         return today
 
 
+BAD_INPUT = 2  # exit code after an InputError; the same input would fail again
+INTERRUPTED = 130  # exit code: 128 + SIGINT, as in shells
+
+
 class InputError(Exception):
     """Wrong input or configuration: one line for the user, exit code 2."""
 

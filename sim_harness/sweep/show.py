@@ -12,9 +12,8 @@ from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.store import Row
 from sim_harness.sweep.sweep import Workforce, sweep
+from trepid.config import INTERRUPTED
 from trepid.speech.loudness import note
-
-INTERRUPTED = 130  # 128 + SIGINT, as in shells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

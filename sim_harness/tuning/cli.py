@@ -15,12 +15,11 @@ from rich.table import Table
 
 from sim_harness.scenarios.sampling import Method, fresh_seed
 from sim_harness.sweep.plan import Plan, by_sampling, plan, select
-from sim_harness.sweep.show import INTERRUPTED
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.settings import Costs, Span, TuneSettings, parse_vary
 from trepid.commands.car_option import Car
 from trepid.commands.changes_option import Changes
-from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
+from trepid.config import CONFIG_DIR, INTERRUPTED, InputError, load, parse_overrides
 from trepid.speech.loudness import note
 
 if TYPE_CHECKING:

@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from trepid.clock import epoch_clock
-from trepid.config import ROOT, InputError, car_folder
+from trepid.config import BAD_INPUT, ROOT, InputError, car_folder
 from trepid.processes.access import published_by
 from trepid.processes.log import new_log, shorten
-from trepid.processes.process import ASSIGNMENT, BAD_INPUT, STOP_S, Assignment
+from trepid.processes.process import ASSIGNMENT, STOP_S, Assignment
 from trepid.processes.settings import ProcessSpec, Restart, working_folder
 
 ABORT_GRACE_S = 0.3

@@ -21,7 +21,7 @@ from pydantic import Field, ValidationError
 
 from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock
-from trepid.config import InputError, Settings
+from trepid.config import BAD_INPUT, InputError, Settings
 from trepid.messages import Diagnostic, Health
 from trepid.security import session_settings
 from trepid.speech.loudness import warn
@@ -34,7 +34,6 @@ READY = "ready"
 MALFORMED = "malformed "  # beginning of the names of values, followed by the key of a topic
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
 ASSIGNMENT = "TREPID_ASSIGNMENT"  # environment variable with the assignment of a command
-BAD_INPUT = 2  # exit code after an InputError; the same input would fail again
 EXIT_GRACE_S = 1.0  # from the close of the pipe to the end of a process whose main thread is stuck
 STOP_S = 10.0  # longest time in which the vehicle process brings a moving car to a standstill before it ends
 
