@@ -4,8 +4,11 @@ A road does not jump, so the change of the lane from frame to frame, moved by od
 without memory, measured without ground truth. For a network on images unlike its training data it grows before its
 confidence falls (compare Michelmore et al., Evaluating uncertainty quantification in end-to-end autonomous driving
 control, 2018; ensembles and dropout measure the same at several times the price). Jitter is the rms jump from frame
-to frame over the last half second: an error at present. Path jitter is the rms jump between frames STEP_M apart
-over the last PATH_JITTER_M of road: a road unlike the training data.
+to frame over the last half second: an error at present; or the systematic drift, if that is larger: the change over
+the last DRIFT_M of way at one point of the road, beyond that of independent jumps. That is of estimators that track
+lines or edges: a curvature that is wrong by the same amount in every frame hardly jumps, but the lane turns away
+from the road that it described before. Path jitter is the rms jump between frames STEP_M apart over the last
+PATH_JITTER_M of road: a road unlike the training data.
 
 The edges of an unmarked road are measured all along. Trodden snow has edges of its own in patches, between which
 the edges of the road come and go: single frames look valid, the mean over the way does not.
@@ -23,6 +26,9 @@ from trepid.clothoid import STANDING, Lane, Motion
 MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
 PATH_JITTER_M = 10.0  # ... or of the way: the length of a comfort stop, after which the value still holds
 STEP_M = 0.3  # of way between the frames compared for it: images of a creeping car are nearly the same
+DRIFT_M = 3.0  # of way between the frames compared for the drift: a third of the way to AHEAD_M
+SIGMAS = 2.0  # of independent jumps, whose sum hardly grows with the way; the rest of a drift is systematic
+DRIFT_S = 1.0  # for which it counts: at 3 m/s and more until the next one
 KNOWN_M = 0.05  # jump of the network on roads like its training data ...
 KNOWN_SHARE = 0.2  # ... and its weight before the first jump
 AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle
@@ -56,9 +62,9 @@ class RunningMean(NamedTuple):
 
 
 class Steadiness(NamedTuple):
-    """Root mean square jump of a lane at AHEAD_M."""
+    """Jumps of a lane at AHEAD_M, root mean square."""
 
-    jitter_m: float  # over the last MEMORY_S; 0 without a lane now, or without two lanes to compare
+    jitter_m: float  # over the last MEMORY_S, or the systematic drift; 0 without two lanes to compare
     path_jitter_m: float  # over the last PATH_JITTER_M of way, begun with KNOWN_M
 
 
@@ -78,6 +84,28 @@ class _PathJitter(NamedTuple):
         return _PathJitter(lane, 0.0, self.square_m2.after(jump_m**2, way_m, length=PATH_JITTER_M))
 
 
+class _Drift(NamedTuple):
+    """The last change of the lane over DRIFT_M of way, at the point of the road that lay AHEAD_M ahead before."""
+
+    before: Lane  # the lane to compare the next one with, moved by odometry
+    way_m: float = 0.0  # driven since that frame
+    age_s: float = 0.0  # of that frame
+    change_m: float = 0.0  # when it was taken
+
+    @property
+    def drift_m(self) -> float:
+        """The change; 0 once it is older than DRIFT_S, as at standstill."""
+        return self.change_m if self.age_s <= DRIFT_S else 0.0
+
+    def after(self, lane: Lane, motion: Motion, dt_s: float) -> "_Drift":
+        """With the lane ``dt_s`` later."""
+        before, way_m = self.before.after(motion, dt_s), self.way_m + abs(motion.speed_mps) * dt_s
+        if way_m < DRIFT_M:
+            return self._replace(before=before, way_m=way_m, age_s=self.age_s + dt_s)
+        there_m = at_least(AHEAD_M - way_m, 0.0)
+        return _Drift(lane, change_m=abs(lane.y_m(there_m) - before.y_m(there_m)))
+
+
 class _Track(NamedTuple):
     """Memory of one estimator."""
 
@@ -85,15 +113,18 @@ class _Track(NamedTuple):
     lane: Lane
     square_m2: RunningMean  # of squared jumps by time
     path_jitter: _PathJitter
+    drift: _Drift
 
     def after(self, lane: Lane, t_s: float, motion: Motion) -> "_Track":
         """The means with the jump to ``lane``; after a gap there is no jump, and the mean by time restarts."""
         dt_s = t_s - self.t_s
         if not 0 < dt_s <= LONGEST_S:
-            return _Track(t_s, lane, RunningMean(0.0), self.path_jitter._replace(before=lane, way_m=0.0))
+            anew = self.path_jitter._replace(before=lane, way_m=0.0)
+            return _Track(t_s, lane, RunningMean(0.0), anew, _Drift(lane))
         jump_m = lane.y_m(AHEAD_M) - self.lane.after(motion, dt_s).y_m(AHEAD_M)
         square_m2 = self.square_m2.after(jump_m**2, dt_s, length=MEMORY_S)
-        return _Track(t_s, lane, square_m2, self.path_jitter.after(lane, motion, dt_s))
+        path_jitter = self.path_jitter.after(lane, motion, dt_s)
+        return _Track(t_s, lane, square_m2, path_jitter, self.drift.after(lane, motion, dt_s))
 
 
 class Consistency:
@@ -109,13 +140,15 @@ class Consistency:
     def _steadiness(self, s: ValidatedEstimate, motion: Motion) -> Steadiness:
         track = self._tracks.get(s.estimator)
         if s.lane is not None and track is None:
-            track = _Track(s.t_s, s.lane, RunningMean(0.0), _PathJitter(s.lane))
+            track = _Track(s.t_s, s.lane, RunningMean(0.0), _PathJitter(s.lane), _Drift(s.lane))
         elif s.lane is not None and track is not None and s.t_s != track.t_s:
             track = track.after(s.lane, s.t_s, motion)
         if track is None:
             return Steadiness(0.0, KNOWN_M)
         self._tracks[s.estimator] = track
         jitter_m = math.sqrt(track.square_m2.mean) if s.lane is not None else 0.0
+        if s.marked is not None:  # it tracks lines or edges
+            jitter_m = at_least(track.drift.drift_m - SIGMAS * jitter_m, jitter_m)
         return Steadiness(jitter_m, math.sqrt(track.path_jitter.square_m2.mean))
 
 

@@ -11,20 +11,24 @@ from trepid.clothoid import Lane, Motion
 MOTION = Motion(8.0, 0.2)
 
 
-def estimate_of(lane: Lane | None, t_s: float) -> ValidatedEstimate:
-    return ValidatedEstimate("cnn", 0.0, t_s, False, 0.9, lane, 8.0, None, False)
+def estimate_of(lane: Lane | None, t_s: float, *, marked: bool | None = None) -> ValidatedEstimate:
+    return ValidatedEstimate("cnn", 0.0, t_s, False, 0.9, lane, 8.0, None, False, marked=marked)
 
 
-def steadiness(lanes: Sequence[Lane | None], *, repeats: int = 1) -> Steadiness:
+def steadiness(
+    lanes: Sequence[Lane | None], *, repeats: int = 1, motion: Motion = MOTION, marked: bool | None = None
+) -> Steadiness:
     consistency = Consistency()
     for number, lane in enumerate(lanes):
         for _ in range(repeats):
-            found = consistency.step([estimate_of(lane, 0.04 * number)], MOTION)
+            found = consistency.step([estimate_of(lane, 0.04 * number, marked=marked)], motion)
     return found["cnn"]
 
 
-def jitter_m(lanes: Sequence[Lane | None], *, repeats: int = 1) -> float:
-    return steadiness(lanes, repeats=repeats).jitter_m
+def jitter_m(
+    lanes: Sequence[Lane | None], *, repeats: int = 1, motion: Motion = MOTION, marked: bool | None = None
+) -> float:
+    return steadiness(lanes, repeats=repeats, motion=motion, marked=marked).jitter_m
 
 
 def jumping(frames: int) -> list[Lane]:
@@ -49,6 +53,35 @@ def test_a_lane_that_jumps_to_and_fro_has_the_size_of_its_jumps(repeats: int) ->
 
 def test_a_gap_restarts_the_jitter() -> None:
     assert jitter_m([Lane(0.0, 0.0, 0.0, 0.0), *[None] * 20, Lane(1.0, 0.0, 0.0, 0.0)]) == 0.0
+
+
+def bent(error_1pm: float, frames: int) -> list[Lane]:
+    """A straight road that the car follows, reported with a curvature wrong by ``error_1pm`` in every frame."""
+    return [Lane(0.0, 0.0, error_1pm, 0.0)] * frames
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_curvature_that_is_wrong_in_every_frame_drifts_although_it_hardly_jumps(side: float) -> None:
+    """Over 3 m of way the lane turns by 3·0.033 rad; the point that lay 8 m ahead moves by 0.69 m."""
+    lanes = bent(0.033 * side, 40)
+    straight = Motion(8.0, 0.0)
+    assert jitter_m(lanes, motion=straight, marked=True) == pytest.approx(0.6, abs=0.1)
+    assert jitter_m(bent(0.0, 40), motion=straight, marked=True) == 0.0
+    assert jitter_m(lanes[:3], motion=straight, marked=True) < 0.1
+    assert jitter_m(lanes, motion=straight) < 0.1  # an estimator without memory
+
+
+def test_a_drift_no_longer_counts_a_second_after_it_was_measured() -> None:
+    consistency, t_s = Consistency(), 0.0
+    for speed_mps, frames in ((8.0, 40), (0.0, 80)):
+        for lane in bent(0.033, frames):
+            found = consistency.step([estimate_of(lane, t_s, marked=True)], Motion(speed_mps, 0.0))
+            t_s += 0.04
+    assert found["cnn"].jitter_m < 0.01
+
+
+def test_jumps_to_and_fro_are_no_drift() -> None:
+    assert jitter_m(jumping(61), marked=True) == pytest.approx(jitter_m(jumping(61)), rel=0.1)
 
 
 def test_a_turn_counts_by_its_displacement_ahead() -> None:
