@@ -87,6 +87,7 @@ class View(NamedTuple):
         True  # False: the arc of a steering angle, of which only the position at the look-ahead is known
     )
     ahead_sigma_m: float = 0.0  # standard deviation of ``ahead_m``; 0: not stated
+    here_sigma_m: float = 0.0  # likewise of the position at the axle
 
 
 class Memory(NamedTuple):
@@ -98,7 +99,7 @@ class Memory(NamedTuple):
 
 
 class Apart(NamedTuple):
-    """Difference of the lateral offsets of two views, times the share of the less confident one."""
+    """Significant difference of the lateral offsets of two views, times the share of the less confident one."""
 
     t_s: float
     offset_m: float
@@ -197,6 +198,7 @@ class Fusion:
             ahead_m=lane.y_m(lookahead_m),
             measured=sighting.kind is EstimateKind.LANE,
             ahead_sigma_m=sighting.sigma_m(lookahead_m),
+            here_sigma_m=sighting.sigma_m(0.0),
         )
 
     def _coast(self, motion: Motion, t_s: float) -> Path | None:
@@ -319,26 +321,29 @@ def _here_m(a: View, b: View) -> float:
 def _disagreement(
     views: list[View], lookahead_m: float, same_road_sigmas: float
 ) -> tuple[float | None, float, float]:
-    """Greatest |Δκ_cmd| [1/m] of two views, plain and significant, and greatest weighted |Δe| [m].
+    """Greatest |Δκ_cmd| [1/m] of two views, plain and significant, and greatest significant |Δe| [m].
 
     Significant is the part of the difference Δy at the look-ahead ℓ for which the deviations σ that the views state
-    do not account, as a curvature: 2·max(0, |Δy| - z·√(σ_a² + σ_b²))/ℓ² with z = ``same_road_sigmas``. Two views of
+    do not account, as a curvature: 2·max(0, |Δy| - z·√(σ_a² + σ_b²))/ℓ² with z = ``same_road_sigmas``; likewise of
+    the difference Δe of the offsets at the axle, max(0, |Δe| - z·√(σ_a² + σ_b²)) with the σ there. Two views of
     one road differ by N(0, σ_a² + σ_b²) (the test of association of two tracks; Bar-Shalom and Li,
     Multitarget-Multisensor Tracking (1995)); the excess over z deviations estimates a difference that is usually 0
     (soft threshold; Donoho, De-noising by soft-thresholding, IEEE Trans. IT 41 (1995)). A view that states no
     deviation has σ = 0. An estimator outside its world is no view: its confidence is below
     ``validation.min_confidence``.
 
-    Significant part and |Δe| are weighted with the lower confidence over the higher one: a view of low confidence
+    The significant parts are weighted with the lower confidence over the higher one: a view of low confidence
     is probably an outlier.
     """
     plain, significant, separation_m = None, 0.0, 0.0
     for a, b in itertools.combinations(views, 2):
         apart_1pm = abs(pursuit_curvature(a.ahead_m, lookahead_m) - pursuit_curvature(b.ahead_m, lookahead_m))
-        sigma_m = math.hypot(a.ahead_sigma_m, b.ahead_sigma_m)
-        known_1pm = at_least(apart_1pm - pursuit_curvature(same_road_sigmas * sigma_m, lookahead_m), 0.0)
+        ahead_m = same_road_sigmas * math.hypot(a.ahead_sigma_m, b.ahead_sigma_m)
+        here_m = same_road_sigmas * math.hypot(a.here_sigma_m, b.here_sigma_m)
+        known_1pm = at_least(apart_1pm - pursuit_curvature(ahead_m, lookahead_m), 0.0)
+        known_m = at_least(_here_m(a, b) - here_m, 0.0)
         share = at_most(b.confidence, a.confidence) / at_least(b.confidence, a.confidence)
         plain = at_least(apart_1pm, plain or 0.0)
         significant = at_least(known_1pm * share, significant)
-        separation_m = at_least(_here_m(a, b) * share, separation_m)
+        separation_m = at_least(known_m * share, separation_m)
     return plain, significant, separation_m

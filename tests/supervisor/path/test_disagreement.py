@@ -1,5 +1,7 @@
 """A difference of two views counts as far as the deviations that they state do not account for it."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,8 +20,15 @@ speeds = st.floats(1.0, 35.0)
 deviations = st.lists(st.floats(0.0, 20.0), min_size=6, max_size=6).map(tuple)
 
 
-def fused(bend_1pm: float, speed_mps: float, *, of_cv: tuple[float, ...], of_cnn: tuple[float, ...]) -> Fused:
-    """A straight lane of cv, and one of cnn that bends."""
+def fused(
+    bend_1pm: float,
+    speed_mps: float,
+    *,
+    of_cv: tuple[float, ...],
+    of_cnn: tuple[float, ...],
+    aside_m: float = 0.0,
+) -> Fused:
+    """A straight lane of cv, and one of cnn that bends and lies ``aside_m`` to the right."""
     views = [
         ValidatedEstimate(
             estimator=name,
@@ -27,13 +36,16 @@ def fused(bend_1pm: float, speed_mps: float, *, of_cv: tuple[float, ...], of_cnn
             t_s=0.0,
             broken=False,
             confidence=0.95,
-            lane=Lane(0.0, 0.0, curvature_1pm, 0.0),
+            lane=Lane(offset_m, 0.0, curvature_1pm, 0.0),
             lookahead_m=8.0,
             width_error_m=0.0,
             measures_width=True,
             ahead_sigma_m=sigma_m,
         )
-        for name, curvature_1pm, sigma_m in (("cv", 0.0, of_cv), ("cnn", bend_1pm, of_cnn))
+        for name, curvature_1pm, offset_m, sigma_m in (
+            ("cv", 0.0, 0.0, of_cv),
+            ("cnn", bend_1pm, aside_m, of_cnn),
+        )
     ]
     return Fusion(SETTINGS).step(views, Motion(speed_mps, 0.0), now_s=0.0)
 
@@ -74,6 +86,23 @@ def test_without_a_stated_deviation_the_difference_counts_in_full(
     stated = fused(bend_1pm, speed_mps, of_cv=(), of_cnn=sigma_m)
     assert silent.weighted_disagreement_mps2 == pytest.approx(silent.disagreement_mps2)
     assert stated.weighted_disagreement_mps2 <= silent.weighted_disagreement_mps2
+
+
+@given(st.floats(-2.0, 2.0), deviations, deviations)
+def test_a_difference_of_the_offsets_counts_from_two_of_its_standard_deviations_on(
+    aside_m: float, of_cv: tuple[float, ...], of_cnn: tuple[float, ...]
+) -> None:
+    """The view of less confidence has a share of 1 here: both state the same confidence."""
+    found = fused(0.0, 8.0, of_cv=of_cv, of_cnn=of_cnn, aside_m=aside_m)
+    explained_m = 2.0 * math.hypot(of_cv[0], of_cnn[0])
+    assert found.weighted_separation_m == pytest.approx(max(0.0, abs(aside_m) - explained_m))
+
+
+def test_a_lane_held_by_one_line_and_one_measured_by_both_are_one_road_on_a_wide_lane() -> None:
+    """4.5 m wide: with an assumed width of 3.5 ± 0.35 m the centre is 0.5 m off, and its deviation says so."""
+    by_one_line, measured = (0.175, *SURE_M[1:]), (0.17, *SURE_M[1:])
+    assert fused(0.0, 6.0, of_cv=by_one_line, of_cnn=measured, aside_m=0.45).weighted_separation_m == 0.0
+    assert fused(0.0, 6.0, of_cv=SURE_M, of_cnn=SURE_M, aside_m=0.45).weighted_separation_m > 0.35
 
 
 @given(deviations, st.floats(0.0, 60.0))
