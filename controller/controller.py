@@ -9,6 +9,7 @@ Every input is checked for age, finiteness and plausibility. A missing or bad in
 | no usable vehicle state | the same | holds the last wheel angle |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
 | no path, but one younger than ``stop_memory_s`` | comfort stop, or the demanded emergency stop | likewise |
+| no path, and STOP since the start or since a driver | the same | holds the curvature of the driver's wheels |
 | no path at all | comfort stop, or the demanded emergency stop | holds the last curvature, or the wheel angle |
 | a report that a process is lost whose loss means a stop | comfort stop | – |
 | mode STOP | the stop of the decision | along the path |
@@ -17,7 +18,8 @@ The emergency stop for lost inputs latches until standstill, or until a driver t
 
 A path older than ``path_memory_s`` is forgotten under a driver, whose wheels are a better guess of the road.
 Without a path the last curvature is held: while a car stops, its bend lasts longer than a gap in the estimates, and
-straightening the wheel would leave the lane.
+straightening the wheel would leave the lane. A path that is withdrawn before the car has been driven by it is
+forgotten: the supervisor refused to drive, and the driver's curvature is a better guess of the road.
 """
 
 import math
@@ -128,6 +130,8 @@ class Controller:
         self._emergency = False  # own emergency stop, latched until standstill
         self._judged: Decision | None = None  # the newest decision ...
         self._sound = False  # ... and whether all its numbers are finite
+        self._engaged = False  # a mode other than STOP since the start or since a driver steered
+        self._driven_1pm: float | None = None  # the curvature of the last wheel angle of a driver
         self._path_t_s: float | None = None  # time at which the newest path was valid
         self._path: tuple[Lane, float] | None = None  # that path at the newest state, and its time
         self._curvature_1pm: float | None = None  # the last demand
@@ -175,7 +179,7 @@ class Controller:
         drivable = self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
         driver = state is not None and state.driver_override
         if driver:  # lost inputs do not matter while a driver steers
-            self._healthy_s, self._emergency = now_s, False
+            self._healthy_s, self._emergency, self._engaged = now_s, False, False
             self._law.release()
             if acting is None or not drivable:  # the next step holds the wheels as the driver has them
                 self._path = self._curvature_1pm = None
@@ -223,6 +227,9 @@ class Controller:
         lane = _lane_from_decision(decision, limits)
         if lane is not None and path_t_s is not None and self._fresh(path_t_s, now_s, limits.path_memory_s):
             self._path_t_s, self._path = path_t_s, (lane, path_t_s)
+        self._engaged = self._engaged or decision.mode is not Mode.STOP
+        if lane is None and not self._engaged:
+            self._path, self._curvature_1pm = None, self._driven_1pm
 
     def _usable_state(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
         """The state; None unless it is fresh and plausible. Wheel angle and yaw rate may be None."""
@@ -248,14 +255,16 @@ class Controller:
         if state is None or speed_mps is None:
             return self._angle_rad or 0.0
         model_mps = at_most(abs(speed_mps), self._modelled_mps)
+        wheels_rad = state.road_wheel_angle_rad or 0.0
+        held_1pm = curvature_from_angle(wheels_rad, speed_mps=model_mps, vehicle=self._vehicle)
+        if state.driver_override:
+            self._driven_1pm = held_1pm
         if acting is None:
             self._law.release()
         if acting is not None:
             self._curvature_1pm = self._law.curvature(acting, dt_s=dt_s)
         elif self._curvature_1pm is None:  # no path so far, or a driver steered: hold the wheels
-            self._curvature_1pm = curvature_from_angle(
-                state.road_wheel_angle_rad or 0.0, speed_mps=model_mps, vehicle=self._vehicle
-            )
+            self._curvature_1pm = held_1pm
         angle_rad = angle_from_curvature(
             self._curvature_1pm or 0.0, speed_mps=model_mps, vehicle=self._vehicle
         )

@@ -440,6 +440,23 @@ def test_after_a_driver_without_a_path_the_wheels_are_held_as_he_left_them(side,
     assert last.road_wheel_angle_rad == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("driven_rad", [0.0, 0.03])
+def test_a_path_withdrawn_before_the_first_drive_gives_way_to_the_curvature_of_the_driver(side, driven_rad):
+    """A supervisor in its first STOP gives a path for half a second after the hand-over, then none any more."""
+    one, stop = controller(), dict(mode=Mode.STOP, stop=Stop.COMFORT)
+    commands = []
+    for n in range(120):
+        now_s = 0.02 * n
+        held = replace(state(now_s, speed_mps=6.0, road_wheel_angle_rad=driven_rad), driver_override=n < 50)
+        path = dict(curvature_1pm=0.02 * side) if n < 75 else LOST
+        commands.append(one.step(decision(now_s, **stop, **path), held, now_s=now_s))
+    followed, withdrawn = commands[60:75], commands[76:]
+    assert min(side * (c.road_wheel_angle_rad - driven_rad) for c in followed) > 0.01
+    assert [c.road_wheel_angle_rad for c in withdrawn] == pytest.approx([driven_rad] * 44, abs=2e-3)
+    assert max(c.accel_mps2 for c in withdrawn) <= 0.0
+
+
 @pytest.mark.parametrize("sender", ["decision", "state"])
 def test_one_time_in_the_future_brakes_until_the_next_good_message(sender):
     one, start_s, _ = rolling()
