@@ -6,7 +6,7 @@ processes. Labels are the geometry of the road at the drawn pose; nothing is mea
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
 from typing import TypeVar
@@ -20,7 +20,16 @@ from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.things import Thing
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import Motion
-from sim_harness.world.roads.appearance import Light, Marking, Paint, Section, Stroke, Surface, Verge
+from sim_harness.world.roads.appearance import (
+    Light,
+    Marking,
+    NeighbourLane,
+    Paint,
+    Section,
+    Stroke,
+    Surface,
+    Verge,
+)
 from sim_harness.world.roads.disturbances import MAX_GRADE, Disturbance, DisturbanceKind, disturbed
 from sim_harness.world.roads.drawn import (
     SNOW_COVER,
@@ -70,9 +79,12 @@ class LaneSample:
 
 
 def road_samples(
-    seed: int, camera: Camera, *, frames: int, scenery: Scenery = OPEN_COUNTRY
+    seed: int, camera: Camera, *, frames: int, scenery: Scenery = OPEN_COUNTRY, ahead_m: float = AHEAD_M
 ) -> Iterator[LaneSample]:
-    """``frames`` frames of the road of ``seed``, in the order along the road: shuffle before training."""
+    """``frames`` frames of the road of ``seed``, in the order along the road: shuffle before training.
+
+    The curvature rate of their lanes is the mean over ``ahead_m``.
+    """
     rng = np.random.default_rng((seed, 10))
     street, things, (first_m, last_m) = _random_place(rng, np.random.default_rng((seed, 11)), scenery)
     disturbed_now = rng.random() < DISTURBED_SHARE
@@ -89,7 +101,9 @@ def road_samples(
     for index, station_m in enumerate(np.sort(rng.uniform(first_m, last_m, frames)).tolist()):
         mirror = bool(rng.random() < 0.5)
         renderer = renderer_of(int(rng.integers(CAMERAS_PER_ROAD)), mirror)
-        yield _sample(renderer, station_m, rng, index=index, mirror=mirror, vehicles=street.vehicles)
+        yield _sample(
+            renderer, station_m, rng, index=index, mirror=mirror, vehicles=street.vehicles, ahead_m=ahead_m
+        )
 
 
 def _random_place(
@@ -106,8 +120,13 @@ def _random_place(
         street = random_street(kind, town, from_m=STREET_FROM_M, segments=segments)
         shown_m = (STREET_FROM_M, STREET_FROM_M + STREET_M)
     else:
-        street = Street(drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng), ())
-        shown_m = (0.0, street.road.length_m)
+        if scenery.highways and town.random() < scenery.highways:
+            road = highway(town)
+        else:
+            road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
+        street, shown_m = Street(road, ()), (0.0, road.length_m)
+    if scenery.seams and town.random() < scenery.seams:
+        street = replace(street, road=seamed(street.road, town))
     things = things_beside(street.road, town) if town.random() < scenery.things else []
     return street, things, shown_m
 
@@ -120,6 +139,7 @@ def _sample(
     index: int,
     mirror: bool,
     vehicles: tuple[tuple[Pose, Body], ...],
+    ahead_m: float,
 ) -> LaneSample:
     """A frame at a random pose near ``station_m``, or its mirror image."""
     road = renderer.road
@@ -138,7 +158,7 @@ def _sample(
         motion=Motion(float(rng.uniform(0, 12)), float(rng.normal(0, 0.2))),
         light=light,
     )
-    lane = lane_at(road, station_m, offset_m, heading_error, ahead_m=AHEAD_M)
+    lane = lane_at(road, station_m, offset_m, heading_error, ahead_m=ahead_m)
     return LaneSample(
         image=np.ascontiguousarray(image[:, ::-1]) if mirror else image,
         lane=Lane(*(-value for value in lane[:4])) if mirror else lane,
@@ -191,6 +211,67 @@ def drawn_road(rng: np.random.Generator) -> Road:
             sections=(section,),
         )
     )
+
+
+def highway(rng: np.random.Generator) -> Road:
+    """A carriageway of one direction with up to six lanes, dashed between them, and bends of R ≥ 300 m."""
+
+    def line(stroke: Stroke, paint: Paint = Paint.WHITE) -> Marking:
+        dash_m, gap_m = ((3.0, 9.0), (3.0, 12.0), (6.0, 12.0), (2.0, 4.0))[int(rng.integers(4))]
+        width_m, wear = float(rng.uniform(0.10, 0.2)), float(rng.choice([0.0, rng.uniform(0, 0.6)]))
+        return Marking(stroke=stroke, paint=paint, width_m=width_m, dash_m=dash_m, gap_m=gap_m, wear=wear)
+
+    lanes = int(rng.integers(0, 4)), int(rng.integers(0, 3))
+    median = line(Stroke.SOLID, Paint.YELLOW if rng.random() < 0.5 else Paint.WHITE)
+    border, dashed = line(Stroke.SOLID), line(Stroke.DASHED)
+    left_lanes, right_lanes = (
+        tuple(NeighbourLane(marking=dashed if number < count - 1 else outermost) for number in range(count))
+        for count, outermost in zip(lanes, (median, border), strict=True)
+    )
+    surface = Surface.CONCRETE if rng.random() < 0.4 else Surface.ASPHALT
+    return Road(
+        RoadSettings(
+            name="highway",
+            closed=False,
+            lane_width_m=float(rng.uniform(3.2, 3.9)),
+            sun_azimuth_rad=float(rng.uniform(-math.pi, math.pi)),
+            segments=random_segments(Shape.STRAIGHT, rng),
+            sections=(
+                Section(
+                    name="highway",
+                    start_m=0.0,
+                    left=dashed if left_lanes else median,
+                    right=dashed if right_lanes else border,
+                    left_lanes=left_lanes,
+                    right_lanes=right_lanes,
+                    paved_left_m=float(rng.uniform(0.3, 3.0)),
+                    paved_right_m=float(rng.uniform(0.3, 3.5)),
+                    surface=surface,
+                    surface_grey=float(
+                        rng.uniform(0.35, 0.66) if surface == Surface.CONCRETE else rng.uniform(0.22, 0.5)
+                    ),
+                    patchiness=float(rng.uniform(0, 1)),
+                    verge=_pick(rng, Verge, (0.4, 0.3, 0.3, 0.0)),
+                    shadows=float(rng.uniform(0.2, 0.8)) if rng.random() < 0.15 else 0.0,
+                ),
+            ),
+        )
+    )
+
+
+def seamed(road: Road, rng: np.random.Generator) -> Road:
+    """``road`` with up to three tar seams along it: beside the lines, as of lanes paved one by one, or anywhere."""
+    half_m = road.settings.lane_width_m / 2
+    seams_m = [
+        float(
+            rng.choice([-1, 1]) * (half_m + rng.normal(0, 0.5))
+            if rng.random() < 0.7
+            else rng.uniform(-half_m, half_m)
+        )
+        for _ in range(int(rng.integers(1, 4)))
+    ]
+    sections = tuple(one.model_copy(update=dict(seams_m=tuple(seams_m))) for one in road.sections)
+    return Road(road.settings.model_copy(update=dict(sections=sections)))
 
 
 def random_disturbances(

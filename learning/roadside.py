@@ -20,6 +20,8 @@ class Scenery(Settings):
     """Shares of the random roads."""
 
     streets: Share  # in towns, with vehicles
+    highways: Share = 0.0  # of those outside towns
+    seams: Share = 0.0  # with tar seams along the road
     things: Share  # with things beside the road
 
 

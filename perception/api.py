@@ -172,7 +172,7 @@ def brings_camera(source: Source) -> bool:
 
 
 def _step(entry: Entry, assumed: bool, source: Source, camera: Camera) -> Step[SteeringEstimate]:
-    """A fresh estimator, stepped without odometry; a lane without boundaries gets those of an assumed width."""
+    """A fresh estimator, stepped without odometry; a lane without boundaries gets those of its width."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     estimator = entry.build(camera, vehicle, assumed=assumed and not brings_camera(source))
     return lambda frame: outlined(estimator.step(frame, None, now_s=frame.t_s), camera, vehicle)

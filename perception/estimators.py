@@ -108,7 +108,8 @@ def _steer_net_assumed(camera: Camera, vehicle: Vehicle) -> Estimator:
     from perception.net.confirmed import ConfirmedNet
     from perception.net.steer_net import SteerNet, SteerNetSettings
 
-    network = SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
+    settings = load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings)
+    network = SteerNet(settings, camera, vehicle, assumed=True)
     return ConfirmedNet(network, WhichLane(lane_cv_settings(), camera, vehicle), camera, vehicle)
 
 

@@ -109,6 +109,11 @@ class SteeringEstimate:
     # standard deviation of the lateral position of the lane centre at SIGMA_AHEAD_M; (): not known
     ahead_sigma_m: tuple[float, ...] = ()
 
+    @property
+    def has_boundaries(self) -> bool:
+        """Whether boundaries are detected in the image or remembered; the width of others is a regression."""
+        return self.lanes_detected > 0 or self.marked is not None
+
     @classmethod
     def nothing(
         cls,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from learning.pixels import add_noise, as_pixels, blemish, relight, shade
-from perception.net.canonical import lane_of_row, row_of_lane, scaled
+from perception.net.canonical import MIRRORED, lane_of_row, row_of_lane, scaled
 from trepid.car.camera import Camera
 from trepid.config import Settings
 from trepid.types import Floats, Image, NonNegative, Share
@@ -54,10 +54,10 @@ class Augmenter:
         self._lookahead_m = lookahead_m
 
     def __call__(self, image: Image, lane: Floats, rng: np.random.Generator) -> tuple[Image, Floats]:
-        """An augmented image and its lane, (4,). A mirrored image has the lane −lane."""
+        """An augmented image and its lane, (5,). A mirrored image has the mirrored lane."""
         settings = self._settings
         if rng.random() < settings.flip:
-            image, lane = as_pixels(cv2.flip(image, 1)), -lane
+            image, lane = as_pixels(cv2.flip(image, 1)), MIRRORED * lane
         raised = float(np.exp(settings.height * rng.normal()))
         image = self._moved(image, raised, rng)
         lane = self.lane_from(lane, raised)
@@ -82,8 +82,9 @@ class Augmenter:
         The inverse of :meth:`perception.net.canonical.CanonicalView.lane` for a camera at that height.
         """
         ahead_m, left_m = (1 - raised) * self._camera.x_m, (1 - raised) * self._camera.y_m
-        seen = scaled(lane_of_row(lane, self._lookahead_m).seen_from(ahead_m, left_m), 1 / raised)
-        return np.array(row_of_lane(seen, self._lookahead_m), np.float32)
+        course, width_m = lane_of_row(lane, self._lookahead_m)
+        seen = scaled(course.seen_from(ahead_m, left_m), 1 / raised)
+        return row_of_lane(seen, width_m / raised, self._lookahead_m)
 
     def pixel_from_pixel(self, raised: float) -> NDArray[np.float64]:
         """Homography of the ground from the canonical height to ``raised`` times it: K·R·diag(1, 1, k)·Rᵀ·K⁻¹."""

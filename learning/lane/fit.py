@@ -16,9 +16,12 @@ from torch import Tensor
 
 from learning.descent import ahead, descend, warm_up_cosine
 from learning.lane.augment import Augmentation, Augmenter, nonsense
+from learning.lane.frames import Mounts
 from learning.lane.network import Exported, SteerNetwork, loss
-from learning.lane.scores import Labelled
+from learning.lane.scores import Labelled, Prediction, Task
+from learning.lane.unlabelled import SelfTraining, Unlabelled, none_of, self_labelled
 from learning.roadside import Scenery
+from perception.net.canonical import MIRRORED
 from perception.net.steer_net import Network
 from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
@@ -27,6 +30,7 @@ from trepid.types import NonNegative, Positive, Share
 Count = Annotated[int, Field(ge=1)]
 Batch = tuple[Tensor, Tensor, Tensor]
 EVALUATION_BATCH = 256
+LEAST_WIDTH_SPREAD_M = 0.05  # where all lanes have the same width
 
 
 class Crop(Settings):
@@ -60,7 +64,9 @@ class Recipe(Settings):
     tolerance_deg: Positive
     crop: Crop
     scenery: Scenery
+    mounts: Mounts
     augmentation: Augmentation
+    self_training: SelfTraining
 
 
 @dataclass(slots=True)
@@ -80,15 +86,18 @@ def train(
     validation: Labelled,
     *,
     canonical: Camera,
+    wheelbase_m: float,
     checkpoint: Path,
     resume: bool,
     report: Callable[[str], None],
+    unlabelled: Unlabelled | None = None,
 ) -> tuple[SteerNetwork, Progress]:
     """The network of the epoch with the least validation loss; ``canonical`` is the camera of all images.
 
     AdamW (Loshchilov and Hutter, ICLR 2019) with a cosine to zero. Every epoch draws its order and augmentation
-    from (seed, epoch) alone and ends with a checkpoint, so a resumed training equals one in one go.
-    Raises InputError when the checkpoint is of another recipe.
+    from (seed, epoch) alone and ends with a checkpoint, so a resumed training equals one in one go. The frames of
+    ``unlabelled`` get their lanes before each later epoch (:mod:`learning.lane.unlabelled`).
+    Raises InputError when the checkpoint is of another recipe, or of other frames without labels.
     """
     torch.manual_seed(recipe.seed)
     torch.set_num_threads(max(1, (os.cpu_count() or 1) - 1))  # one core augments
@@ -96,17 +105,25 @@ def train(
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay
     )
-    progress = _restore(checkpoint, recipe, network, optimiser) if resume else Progress()
+    drives = none_of(canonical) if unlabelled is None else unlabelled
+    task = Task(wheelbase_m, network.command_row.double().numpy())
+    kind = recipe.model_dump_json() + drives.digest
+    progress = _restore(checkpoint, kind, network, optimiser) if resume else Progress()
     while progress.epoch < recipe.epochs and progress.epoch - progress.best_epoch < recipe.patience:
         started_s = time.monotonic()
-        train_loss = _epoch(recipe, canonical, network, optimiser, data, progress.epoch)
+        further = _self_labelled(recipe, network, drives, task, progress.epoch)
+        if len(drives):
+            report(f"the network gives {len(further)} of {len(drives)} frames without labels a lane")
+        batches = _batches(recipe, canonical, data, further, progress.epoch)
+        steps = math.ceil(len(data) / recipe.batch)
+        train_loss = _epoch(recipe, network, optimiser, batches, steps=steps, epoch=progress.epoch)
         validation_loss = _evaluate(recipe, network, validation)
         progress.epoch += 1
         progress.elapsed_s += time.monotonic() - started_s
         if validation_loss < progress.best_loss:
             progress.best_loss, progress.best_epoch = validation_loss, progress.epoch
             progress.best_weights = copy.deepcopy(network.state_dict())
-        _save(checkpoint, recipe, network, optimiser, progress)
+        _save(checkpoint, kind, network, optimiser, progress)
         report(_status(recipe, progress, train_loss, validation_loss))
     if progress.best_weights is not None:
         network.load_state_dict(progress.best_weights)
@@ -114,9 +131,16 @@ def train(
 
 
 def build(recipe: Recipe, data: Labelled) -> SteerNetwork:
-    """An untrained network whose outputs are in units of the spread of the lanes in ``data``."""
-    spread = np.sqrt(np.mean(data.lanes[data.visible].astype(float) ** 2, axis=0))
-    return SteerNetwork(torch.from_numpy(spread), recipe.lane_lookahead_m, recipe.command_lookahead_m)
+    """An untrained network whose outputs are in units of the spread of the lanes in ``data``.
+
+    Their middle is that of a straight lane, of the mean width: a mirrored image has the mirrored lane.
+    """
+    lanes = data.lanes[data.visible].astype(float)
+    middle = np.where(MIRRORED < 0, 0.0, lanes.mean(axis=0))
+    spread = np.sqrt(np.mean((lanes - middle) ** 2, axis=0))
+    spread[-1] = max(spread[-1], LEAST_WIDTH_SPREAD_M)
+    ahead_m = recipe.lane_lookahead_m, recipe.command_lookahead_m
+    return SteerNetwork(torch.from_numpy(middle), torch.from_numpy(spread), *ahead_m)
 
 
 def largest_difference(network: SteerNetwork, exported: Network, images: np.ndarray) -> float:
@@ -129,19 +153,38 @@ def largest_difference(network: SteerNetwork, exported: Network, images: np.ndar
     )
 
 
+def _self_labelled(
+    recipe: Recipe, network: SteerNetwork, drives: Unlabelled, task: Task, epoch: int
+) -> Labelled:
+    """The frames of ``drives`` with lanes by ``network``; none in the first epochs."""
+    early = epoch < recipe.self_training.after * recipe.epochs
+    agree_rad = math.radians(recipe.self_training.agree_deg)
+    exported = Exported(network.eval())
+
+    def predict(images: np.ndarray) -> Prediction:
+        parts = [images[i : i + EVALUATION_BATCH] for i in range(0, len(images), EVALUATION_BATCH)]
+        with torch.no_grad():
+            found = [exported(torch.from_numpy(part)) for part in parts]
+        lanes, sigmas, visible = (torch.cat(column).numpy() for column in zip(*found, strict=True))
+        return Prediction(lanes, task.wheelbase_m * sigmas.astype(float), visible.astype(float))
+
+    chosen = Unlabelled(drives.images[:0], drives.drives[:0]) if early else drives
+    return self_labelled(predict, chosen, task, agree_rad=agree_rad)
+
+
 def _epoch(
     recipe: Recipe,
-    canonical: Camera,
     network: SteerNetwork,
     optimiser: torch.optim.Optimizer,
-    data: Labelled,
+    batches: Iterator[Batch],
+    *,
+    steps: int,
     epoch: int,
 ) -> float:
-    """One pass over ``data``; returns the mean loss."""
+    """One pass over ``batches``, of which there are ``steps``; returns the mean loss."""
     network.train()
-    steps = math.ceil(len(data) / recipe.batch)
     losses = []
-    for step, (images, lanes, visible) in enumerate(ahead(_batches(recipe, canonical, data, epoch))):
+    for step, (images, lanes, visible) in enumerate(ahead(batches)):
         done = (epoch + step / steps) / recipe.epochs
         rate = recipe.learning_rate * warm_up_cosine(done, warm_up=recipe.warm_up)
         value = loss(network, _raw(recipe, network, images), lanes, visible, beta=recipe.beta)
@@ -164,31 +207,37 @@ def _raw(recipe: Recipe, network: SteerNetwork, images: Tensor) -> Tensor:
         return network(images).float()
 
 
-def _batches(recipe: Recipe, canonical: Camera, data: Labelled, epoch: int) -> Iterator[Batch]:
-    """All frames in random order, augmented, with images without a road among them."""
+def _batches(
+    recipe: Recipe, canonical: Camera, data: Labelled, further: Labelled, epoch: int
+) -> Iterator[Batch]:
+    """Batches of all frames of ``data``, augmented; each also has images without a road and some of ``further``."""
     rng = np.random.default_rng((recipe.seed, epoch))
     augmenter = Augmenter(recipe.augmentation, canonical, lookahead_m=recipe.lane_lookahead_m)
     order = rng.permutation(len(data))
     extra = round(recipe.batch * recipe.nonsense_share)
+    own = round(recipe.batch * recipe.self_training.share) if len(further) else 0
     for start in range(0, len(order), recipe.batch):
         chosen = order[start : start + recipe.batch]
         pairs = [augmenter(data.images[i], data.lanes[i], rng) for i in chosen]
         blank = np.zeros(data.lanes.shape[1], np.float32)
         for i in rng.choice(chosen, extra):
             pairs.append(augmenter(nonsense(data.images[i], rng), blank, rng))
+        for i in rng.integers(0, len(further), own) if own else ():
+            pairs.append(augmenter(further.images[i], further.lanes[i], rng))
         images, lanes = (np.stack(column) for column in zip(*pairs, strict=True))
-        visible = np.concatenate([data.visible[chosen], np.zeros(extra, bool)]).astype(np.float32)
+        seen = [data.visible[chosen], np.zeros(extra, bool), np.ones(own, bool)]
+        visible = np.concatenate(seen).astype(np.float32)
         yield torch.from_numpy(images), torch.from_numpy(lanes), torch.from_numpy(visible)
 
 
 def _save(
-    path: Path, recipe: Recipe, network: SteerNetwork, optimiser: torch.optim.Optimizer, progress: Progress
+    path: Path, kind: str, network: SteerNetwork, optimiser: torch.optim.Optimizer, progress: Progress
 ) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_suffix(".new")
     torch.save(
         dict(
-            recipe=recipe.model_dump_json(),
+            recipe=kind,
             network=network.state_dict(),
             optimiser=optimiser.state_dict(),
             progress={name: getattr(progress, name) for name in Progress.__slots__},
@@ -198,12 +247,12 @@ def _save(
     fresh.replace(path)
 
 
-def _restore(path: Path, recipe: Recipe, network: SteerNetwork, optimiser: torch.optim.Optimizer) -> Progress:
+def _restore(path: Path, kind: str, network: SteerNetwork, optimiser: torch.optim.Optimizer) -> Progress:
     if not path.is_file():
         return Progress()  # interrupted before the end of the first epoch
     saved: dict[str, Any] = torch.load(path, weights_only=True)
-    if saved["recipe"] != recipe.model_dump_json():
-        raise InputError(f"{path}: was made by another recipe; train without --resume")
+    if saved["recipe"] != kind:
+        raise InputError(f"{path}: was made by another recipe, or with other drives; train without --resume")
     network.load_state_dict(saved["network"])
     optimiser.load_state_dict(saved["optimiser"])
     return Progress(**saved["progress"])

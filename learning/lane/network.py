@@ -6,7 +6,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-LANE_SIZE = 4  # offset [m], heading [rad], curvature at the axle, curvature at the look-ahead [1/m]
+# offset [m], heading [rad], curvature at the axle, curvature at the look-ahead [1/m], width [m]
+LANE_SIZE = 5
+COURSE_SIZE = 4  # of them without the width
 CONVOLUTIONS = ((24, 5, 2), (36, 5, 2), (48, 5, 2), (64, 3, 1), (64, 3, 1))  # channels, kernel, stride
 DENSE = (100, 50)
 LOG_SIGMA_RANGE = (-5.0, 3.0)  # of an output in units of its spread: keeps the loss finite
@@ -16,12 +18,16 @@ FLOOR_GREY = 8.0  # added to the contrast [grey levels]: a black frame stays bla
 class SteerNetwork(nn.Module):
     """DAVE-2 (Bojarski et al., 2016): five convolutions and three dense layers, for 66 x 200 images.
 
-    Batch normalisation follows each convolution; the export folds it in. One raw output row holds the lane in
-    units of its spread, the log standard deviations of the lane and of κ_cmd, and the logit of "a road is seen".
+    Batch normalisation follows each convolution; the export folds it in. One raw output row holds the lane, from
+    its middle in units of its spread, the log standard deviations of the lane and of κ_cmd, and the logit of "a
+    road is seen".
     """
 
-    def __init__(self, lane_spread: Tensor, lane_lookahead_m: float, command_lookahead_m: float) -> None:
+    def __init__(
+        self, lane_middle: Tensor, lane_spread: Tensor, lane_lookahead_m: float, command_lookahead_m: float
+    ) -> None:
         super().__init__()
+        self.register_buffer("lane_middle", lane_middle.float())
         self.register_buffer("lane_spread", lane_spread.float())
         self.register_buffer("command_row", command_row(lane_lookahead_m, command_lookahead_m))
         layers: list[nn.Module] = []
@@ -38,7 +44,7 @@ class SteerNetwork(nn.Module):
         self.layers(torch.zeros(1, 3, 66, 200))  # sizes the first dense layer
 
     def forward(self, image: Tensor) -> Tensor:
-        """Raw output rows, shape (n, 10), of uint8 BGR images, shape (n, 66, 200, 3)."""
+        """Raw output rows, shape (n, 12), of uint8 BGR images, shape (n, 66, 200, 3)."""
         pixels = image.permute(0, 3, 1, 2).to(torch.float32)
         mean = pixels.mean(dim=(1, 2, 3), keepdim=True)
         spread = ((pixels - mean) ** 2).mean(dim=(1, 2, 3), keepdim=True).sqrt()
@@ -47,11 +53,11 @@ class SteerNetwork(nn.Module):
     @property
     def command_spread(self) -> Tensor:
         """Unit [1/m] of the log standard deviation of κ_cmd."""
-        return (self.lane_spread * self.command_row).norm()
+        return (self.lane_spread[:COURSE_SIZE] * self.command_row).norm()
 
 
 class Exported(nn.Module):
-    """The network with outputs in SI units: lane (n, 4), σ of κ_cmd [1/m] (n,), probability of a road (n,)."""
+    """The network with outputs in SI units: lane (n, 5), σ of κ_cmd [1/m] (n,), probability of a road (n,)."""
 
     def __init__(self, network: SteerNetwork) -> None:
         super().__init__()
@@ -59,13 +65,13 @@ class Exported(nn.Module):
 
     def forward(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         raw = self.network(image)
-        lane = raw[:, :LANE_SIZE] * self.network.lane_spread
+        lane = raw[:, :LANE_SIZE] * self.network.lane_spread + self.network.lane_middle
         sigma = raw[:, 2 * LANE_SIZE].clamp(*LOG_SIGMA_RANGE).exp() * self.network.command_spread
         return lane, sigma, torch.sigmoid(raw[:, 2 * LANE_SIZE + 1])
 
 
 def command_row(lane_lookahead_m: float, command_lookahead_m: float) -> Tensor:
-    """Row r with κ_cmd = r·lane: pure pursuit, 2·y(ℓ)/ℓ² of the clothoid (:mod:`trepid.clothoid`).
+    """Row r with κ_cmd = r·course: pure pursuit, 2·y(ℓ)/ℓ² of the clothoid (:mod:`trepid.clothoid`).
 
     With κ' = (κ_a − κ₀)/a: κ_cmd = −2e/ℓ² − 2ψ/ℓ + κ₀·(1 − ℓ/3a) + κ_a·ℓ/3a.
     """
@@ -81,9 +87,9 @@ def loss(network: SteerNetwork, raw: Tensor, lane: Tensor, visible: Tensor, *, b
     """
     seen = visible > 0.5
     predicted = raw[:, :LANE_SIZE]
-    wanted = lane / network.lane_spread
-    weights = network.lane_spread * network.command_row / network.command_spread
-    error = torch.cat([predicted - wanted, ((predicted - wanted) @ weights)[:, None]], dim=1)[seen]
+    off = predicted - (lane - network.lane_middle) / network.lane_spread
+    weights = network.lane_spread[:COURSE_SIZE] * network.command_row / network.command_spread
+    error = torch.cat([off, (off[:, :COURSE_SIZE] @ weights)[:, None]], dim=1)[seen]
     log_sigma = raw[:, LANE_SIZE : 2 * LANE_SIZE + 1].clamp(*LOG_SIGMA_RANGE)[seen]
     nll = 0.5 * (error * torch.exp(-log_sigma)) ** 2 + log_sigma
     weighed = nll * torch.exp(2 * beta * log_sigma).detach()

@@ -20,7 +20,7 @@ class Labelled:
     """Canonical images with the lane in them."""
 
     images: Image  # (n, height, width, 3)
-    lanes: Floats  # (n, 4): offset [m], heading [rad], curvature at the axle and ahead [1/m]
+    lanes: Floats  # (n, 5): offset [m], heading [rad], curvature at the axle and ahead [1/m], width [m]
     visible: Mask  # (n,): whether a road is visible
 
     def __len__(self) -> int:
@@ -36,18 +36,20 @@ class Task:
     """Use of the lane: pure pursuit by a vehicle."""
 
     wheelbase_m: float
-    command_row: Array  # r with κ_cmd = r·lane
+    command_row: Array  # r with κ_cmd = r·lane, without its width
 
     def road_wheel_angle(self, lanes: NDArray[np.floating]) -> Array:
         """δ = atan(L·κ_cmd) [rad], shape (n,)."""
-        return np.arctan(self.wheelbase_m * (lanes.astype(float) @ self.command_row))
+        return np.arctan(
+            self.wheelbase_m * (lanes[:, : len(self.command_row)].astype(float) @ self.command_row)
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
     """Outputs of the network for n frames."""
 
-    lanes: Floats  # (n, 4)
+    lanes: Floats  # (n, 5)
     sigma_rad: Array  # (n,): standard deviation of the road-wheel angle
     visible: Array  # (n,): probability of a road
 
@@ -103,11 +105,17 @@ def auroc(score: Array, positive: Mask) -> float:
     return float((mean_rank[positive].sum() - positives * (positives + 1) / 2) / pairs)
 
 
-def scores(network: Network, data: Labelled, task: Task, calibration: Calibration) -> dict[str, float]:
-    """Errors on the frames with a visible road: mean absolute errors except where named otherwise."""
-    data = data.part(data.visible)
+def scores(
+    network: Network, data: Labelled, task: Task, calibration: Calibration, *, scale: float = 1.0
+) -> dict[str, float]:
+    """Errors on the frames with a visible road: mean absolute errors except where named otherwise.
+
+    ``scale``: of the true world to the canonical one of ``data``, in which the wheelbase is shorter by it.
+    """
+    data, task = data.part(data.visible), Task(task.wheelbase_m / scale, task.command_row)
     found = predict(network, data.images, task)
-    error = np.abs(found.lanes - data.lanes).mean(axis=0)
+    in_metres = np.array([scale, 1.0, 1 / scale, 1 / scale, scale])
+    error = in_metres * np.abs(found.lanes - data.lanes).mean(axis=0)
     wanted_deg, found_deg = (np.rad2deg(task.road_wheel_angle(lanes)) for lanes in (data.lanes, found.lanes))
     angle_deg = np.abs(found_deg - wanted_deg)
     good = angle_deg < np.rad2deg(calibration.tolerance_rad)
@@ -118,6 +126,7 @@ def scores(network: Network, data: Labelled, task: Task, calibration: Calibratio
         "heading_deg": np.rad2deg(error[1]),
         "curvature_1pm": error[2],
         "curvature_ahead_1pm": error[3],
+        "width_m": error[4],
         "road_wheel_angle_deg": angle_deg.mean(),
         "road_wheel_angle_p95_deg": np.quantile(angle_deg, 0.95),
         "road_wheel_angle_slope": (found_deg * wanted_deg).sum() / max((wanted_deg**2).sum(), 1e-9),

@@ -1,8 +1,9 @@
 """`trepid train-lane`: renders labelled frames, fits the lane network to them, scores it and writes it as ONNX."""
 
 import json
-import math
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ import numpy as np
 import typer
 
 from learning.drawn_frames import UNMARKED_WIDTH_M, WIDTH_M
-from learning.lane.frames import Shot, circuit_frames, random_frames
+from learning.lane.frames import Shot, circuit_frames, mounted_frames, random_frames
 from learning.lane.scores import Labelled, Task, calibrate, nonsense_seen, predict, scores
 from learning.lane.world import add_world, limits
 from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say, ship
@@ -36,36 +37,57 @@ def train(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for frames and checkpoint.")] = Path("out/train"),
     weights: WeightsFolder = SHIPPED,
+    unlabelled: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Video, folder of images or recording of real drives without labels, to learn from as well."
+        ),
+    ] = None,
     car: Car = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue from existing frames and checkpoint.")
     ] = False,
 ) -> None:
-    """Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'."""
+    """Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'.
+
+    For frames of ``--unlabelled`` the network gives the lanes itself, where it is consistent.
+    """
     need_torch("train-lane")
     from learning.lane.fit import Recipe
 
     given = dict(frames=frames, epochs=epochs, seed=seed)
     overrides = {name: str(value) for name, value in given.items() if value is not None}
     recipe = load(CONFIG_DIR / "train.yaml", Recipe, overrides=overrides)
-    record = run(recipe, out, weights, resume=resume)
+    record = run(recipe, out, weights, unlabelled=unlabelled or [], resume=resume)
     typer.echo(json.dumps(record.scores, indent=1))
 
 
-def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
+def run(
+    recipe: "Recipe", out: Path, folder: Path, *, unlabelled: Sequence[Path] = (), resume: bool
+) -> Record:
     """Render, fit, export and score; writes ``folder``/steer_net.onnx and steer_net.json. Raises InputError."""
     from learning.lane.fit import largest_difference
     from learning.lane.fit import train as fit
     from learning.lane.network import export
+    from learning.lane.unlabelled import read_drives
 
     started_s = time.monotonic()
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     canonical = cropped(camera, **recipe.crop.model_dump())
+    drives = read_drives(unlabelled, canonical, most_frames=recipe.self_training.most_frames)
+    wheelbase_m = load(CONFIG_DIR / "vehicle.yaml", Vehicle).wheelbase_m
     shot = Shot(camera, canonical, recipe.lane_lookahead_m, recipe.frames_per_road, recipe.scenery)
+    mounted = replace(shot, mounts=recipe.mounts)
     counts = dict(train=recipe.frames, validation=recipe.validation_frames, test=recipe.test_frames)
     data = {
         split: random_frames(
-            shot, split, counts[split], seed=recipe.seed, folder=out, reuse=resume, report=say
+            shot if split == "test" else mounted,
+            split,
+            counts[split],
+            seed=recipe.seed,
+            folder=out,
+            reuse=resume,
+            report=say,
         )
         for split in FIRST_ROAD
     }
@@ -74,33 +96,39 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
         data["train"],
         data["validation"],
         canonical=canonical,
+        wheelbase_m=wheelbase_m,
         checkpoint=out / "checkpoint.pt",
         resume=resume,
         report=say,
+        unlabelled=drives,
     )
     fresh = out / "steer_net.onnx"
     export(network, fresh)
-    others = add_world(fresh, shot, seed=recipe.seed, folder=out, reuse=resume)
+    others = add_world(fresh, mounted, seed=recipe.seed, folder=out, reuse=resume)
     exported = Network(fresh)
     difference = largest_difference(network, exported, np.array(data["test"].images[:256]))
-    if difference > MAX_EXPORT_DIFFERENCE:
+    if not difference <= MAX_EXPORT_DIFFERENCE:  # NaN is not
         raise InputError(
             f"{fresh}: the export differs from the trained network by {difference:.2g}; not shipped"
         )
-    task, calibration = _calibrated(recipe, exported, data["validation"])
+    task, calibration = _calibrated(recipe, exported, data["validation"], wheelbase_m)
+    elsewhere = mounted_frames(shot, seed=recipe.seed, folder=out / "mounts", reuse=resume, report=say)
     sets = {"test_roads": data["test"], **circuit_frames(shot, CIRCUIT, seed=recipe.seed)}
     measured = {name: scores(exported, frames, task, calibration) for name, frames in sets.items()}
+    for name, (frames, scale) in elsewhere.items():
+        measured[name] = scores(exported, frames, task, calibration, scale=scale)
     measured["nonsense"] = nonsense_seen(exported, data["test"], seed=recipe.seed)
     command = f"trepid train-lane --frames {recipe.frames} --epochs {recipe.epochs} --seed {recipe.seed}"
+    command += "".join(f" --unlabelled {name}" for name in drives.names)
     record = Record(
         **origin(fresh, command),
         parameters=sum(p.numel() for p in network.parameters()),
         camera=canonical,
         lane_lookahead_m=recipe.lane_lookahead_m,
-        lane_width_m=seen_widths_m(recipe.augmentation.height),
+        lane_width_m=seen_widths_m(recipe.mounts.height),
         calibration=calibration,
         world=limits(exported, others, calibration, wheelbase_m=task.wheelbase_m),
-        recipe=recipe.model_dump(),
+        recipe=recipe.model_dump() | ({"unlabelled_sha256": drives.digest} if len(drives) else {}),
         training=dict(
             epochs=progress.epoch,
             best_epoch=progress.best_epoch,
@@ -115,20 +143,20 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
     return record
 
 
-def seen_widths_m(height_sigma: float) -> tuple[float, float]:
-    """Widths of the lanes of training, as seen from the canonical height, with the height varied by two sigmas."""
-    spread = math.exp(2 * height_sigma)
+def seen_widths_m(factor: float) -> tuple[float, float]:
+    """Widths of the lanes of training, as seen from the canonical height, of cameras up to ``factor`` off it."""
     widths_m = (*WIDTH_M, *UNMARKED_WIDTH_M)
-    return round(min(widths_m) / spread, 2), round(max(widths_m) * spread, 2)
+    return round(min(widths_m) / factor, 2), round(max(widths_m) * factor, 2)
 
 
-def _calibrated(recipe: "Recipe", network: Network, validation: Labelled) -> tuple[Task, Calibration]:
+def _calibrated(
+    recipe: "Recipe", network: Network, validation: Labelled, wheelbase_m: float
+) -> tuple[Task, Calibration]:
     """The task of the network, and the calibration of its confidence."""
     from learning.lane.network import command_row
 
-    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     row = command_row(recipe.lane_lookahead_m, recipe.command_lookahead_m).double().numpy()
-    task = Task(vehicle.wheelbase_m, row)
+    task = Task(wheelbase_m, row)
     seen = validation.part(validation.visible)
     found = predict(network, seen.images, task)
     error_rad = task.road_wheel_angle(found.lanes) - task.road_wheel_angle(seen.lanes)

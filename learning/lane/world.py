@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from learning.lane.frames import Shot, random_frames
+from learning.lane.frames import Mounts, Shot, random_frames
 from learning.lane.scores import outputs
 from learning.rendered import SHIPPED, WeightsFolder, origin, say, ship
 from learning.roadside import Scenery
@@ -63,7 +63,8 @@ def renew(
     record = load_record(shipped, Record)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     scenery = Scenery.model_validate(record.recipe["scenery"])
-    shot = Shot(camera, record.camera, record.lane_lookahead_m, FRAMES_PER_ROAD, scenery)
+    mounts = Mounts.model_validate(record.recipe["mounts"])
+    shot = Shot(camera, record.camera, record.lane_lookahead_m, FRAMES_PER_ROAD, scenery, mounts)
     with tempfile.TemporaryDirectory() as folder:
         fresh = Path(folder) / shipped.name
         fresh.write_bytes(shipped.read_bytes())

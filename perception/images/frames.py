@@ -3,7 +3,7 @@
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,7 +65,7 @@ def results(
     unread: Unread,
     *,
     drive_fps: float | None = None,
-) -> Iterator[FrameResult[R]]:
+) -> Generator[FrameResult[R], None, None]:
     """The result of every frame of every input.
 
     A still gets a step of its own; a clip, a recording, and with ``drive_fps`` a folder get one for all frames. The

@@ -15,16 +15,18 @@ REACH_M = 20.0  # of the drawn boundaries, in the reference world (trepid.scale)
 
 
 def outlined(estimate: SteeringEstimate, camera: Camera, vehicle: Vehicle) -> SteeringEstimate:
-    """``estimate`` with boundaries half of ``vehicle.lane_width_m`` left and right of its lane centre.
+    """``estimate`` with boundaries half of its lane width left and right of its lane centre.
 
-    An estimate that has boundaries, or no lane state, is returned as it is. ``lane_width_m`` stays None: the width
-    is assumed, not measured. Boundaries are pixels of the image of ``camera``, one every ten rows.
+    An estimate that has boundaries, or no lane state, is returned as it is. Without a measured width that of
+    ``vehicle`` is assumed, and ``lane_width_m`` stays None. Boundaries are pixels of the image of ``camera``, one
+    every ten rows.
     """
     lane = scaled_message(estimate, 1 / vehicle.scale)
     fields = lane.lateral_offset_m, lane.heading_error_rad, lane.curvature_1pm
     if estimate.left_boundary_px or estimate.right_boundary_px or None in fields:
         return estimate
-    eye, width_m = scaled_settings(camera, 1 / vehicle.scale), vehicle.in_reference_world.lane_width_m
+    eye = scaled_settings(camera, 1 / vehicle.scale)
+    width_m = lane.lane_width_m or vehicle.in_reference_world.lane_width_m
     rate_1pm2 = lane.curvature_rate_1pm2 or 0.0
     mean = np.array([*fields, rate_1pm2, width_m, 0.0], float)
     mean[KAPPA] -= rate_1pm2 * lane.lookahead_m

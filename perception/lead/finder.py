@@ -210,7 +210,8 @@ class Corridor:
         self._gone_m = self._turned_rad = 0.0
         if lane is None:
             return
-        self._width_m = lane.lane_width_m or settings.lane_width_m
+        if lane.has_boundaries:
+            self._width_m = lane.lane_width_m or settings.lane_width_m
         self._lane = Lane.of_message(lane) or self._lane
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
         self._gone_m, self._turned_rad = speed_mps * (t_s - lane.t_s), yaw_rate_radps * (t_s - lane.t_s)

@@ -12,20 +12,26 @@ from numpy.typing import ArrayLike
 
 from trepid.car.camera import Camera
 from trepid.clothoid import Lane
-from trepid.types import Image
+from trepid.types import Floats, Image
 
 SUPERSAMPLE = 2  # per axis; then averaged, so that thin far lines survive the reduction
+MIRRORED = np.array([-1, -1, -1, -1, 1], np.float32)
+"""Factors that make the row of the mirrored image from that of an image."""
 
 
-def lane_of_row(row: ArrayLike, lookahead_m: float) -> Lane:
-    """The lane of the network's outputs: offset, heading, curvature at the axle and at ``lookahead_m``."""
-    offset, heading, curvature, ahead = map(float, np.asarray(row))
-    return Lane(offset, heading, curvature, (ahead - curvature) / lookahead_m)
+def lane_of_row(row: ArrayLike, lookahead_m: float) -> tuple[Lane, float]:
+    """Lane and width [m] of the network's outputs.
+
+    They are offset, heading, curvature at the axle and at ``lookahead_m``, and width.
+    """
+    offset, heading, curvature, ahead, width_m = map(float, np.asarray(row))
+    return Lane(offset, heading, curvature, (ahead - curvature) / lookahead_m), width_m
 
 
-def row_of_lane(lane: Lane, lookahead_m: float) -> tuple[float, float, float, float]:
-    """The inverse of :func:`lane_of_row`."""
-    return lane.offset_m, lane.heading_rad, lane.curvature_1pm, lane.curvature_at(lookahead_m)
+def row_of_lane(lane: Lane, width_m: float, lookahead_m: float) -> Floats:
+    """The inverse of :func:`lane_of_row`, shape (5,)."""
+    ends_1pm = lane.curvature_1pm, lane.curvature_at(lookahead_m)
+    return np.array([lane.offset_m, lane.heading_rad, *ends_1pm, width_m], np.float32)
 
 
 def scaled(lane: Lane, scale: float) -> Lane:
@@ -75,10 +81,18 @@ class CanonicalView:
 
         In the true world the canonical axle lies s·x_c behind the camera, on the camera's own line.
         """
-        scale = self.scale
-        ahead_m = scale * self.canonical.x_m - self.camera.x_m
-        left_m = scale * self.canonical.y_m - self.camera.y_m
-        return scaled(canonical_lane, scale).seen_from(ahead_m, left_m)
+        return scaled(canonical_lane, self.scale).seen_from(*self._axle_m)
+
+    def canonical_lane(self, lane: Lane) -> Lane:
+        """The inverse of :meth:`lane`."""
+        ahead_m, left_m = self._axle_m
+        return scaled(lane.seen_from(-ahead_m, -left_m), 1 / self.scale)
+
+    @property
+    def _axle_m(self) -> tuple[float, float]:
+        """Place of the rear axle in the frame of the canonical one, ahead and left, in the true world."""
+        ahead_m = self.scale * self.canonical.x_m - self.camera.x_m
+        return ahead_m, self.scale * self.canonical.y_m - self.camera.y_m
 
     @property
     def scale(self) -> float:

@@ -1,9 +1,9 @@
 """Estimator ``cnn`` without a camera file: its lane counts as far as lines and kerbs in the image confirm it.
 
-The network measures lengths in the world of its training: lanes of a known width, seen from a known height. In the
-image of another camera a lane of another width looks like one of these beside its true place, and the network gives
-it the same probability. With the lane of ``cv`` as witness (:mod:`perception.lane.which_lane`), which measures the
-boundaries at any height and is right with the probability c, the confidence is
+The network measures lengths in the world of its training: lanes of certain widths, seen from certain heights. In
+the image of another camera a lane of another width can look like one of these beside its true place, and the
+network gives it the same probability. With the lane of ``cv`` as witness (:mod:`perception.lane.which_lane`), which
+measures the boundaries at any height and is right with the probability c, the confidence is
 
     P = p·c·a
 

@@ -8,21 +8,22 @@ the training set, that the error of the road-wheel angle is below ``tolerance_ra
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from perception.net.canonical import CanonicalView, lane_of_row
+from perception.net.canonical import MIRRORED, CanonicalView, lane_of_row
 from perception.net.session import WeightsRecord, load_record, open_session
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.config import InputError, Settings, resource
 from trepid.messages import SIGMA_AHEAD_M, Frame, SteeringEstimate, VehicleState
-from trepid.types import Image, Share
+from trepid.types import Image, Positive, Share
 
 NAME = "cnn"
 OUTPUTS = ("lane", "command_sigma_1pm", "visible", "unlike")
@@ -35,6 +36,20 @@ class SteerNetSettings(Settings):
     lookahead_m: Annotated[float, Field(gt=0)]
     min_visible: Share
     min_confidence: Share
+    lane_width_m: tuple[Positive, Positive, Positive, Positive]
+
+    def width_share(self, width_m: float) -> float:
+        """1 for the width of a lane, 0 for one that no lane has, linear between."""
+        least_m, narrow_m, wide_m, most_m = self.lane_width_m
+        return max(
+            0.0, min(1.0, (width_m - least_m) / (narrow_m - least_m), (most_m - width_m) / (most_m - wide_m))
+        )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not all(one < other for one, other in pairwise(self.lane_width_m)):
+            raise ValueError("lane_width_m: expected four increasing widths")
+        return self
 
 
 class Calibration(Settings):
@@ -66,7 +81,7 @@ class Outputs(NamedTuple):
 
     lanes: NDArray[
         np.float32
-    ]  # (n, 4): offset [m], heading [rad], curvature at the axle and at ``lane_lookahead_m``
+    ]  # (n, 5): offset [m], heading [rad], curvature at the axle and at ``lane_lookahead_m``, width [m]
     command_sigma_1pm: NDArray[np.float32]  # (n,): standard deviation of κ_cmd
     visible: NDArray[np.float32]  # (n,): probability of a road
     unlike: NDArray[np.float32]  # (n,): distance from the images of training, 0 to 1
@@ -124,6 +139,11 @@ class Network:
         if not path.is_file():
             raise InputError(f"{path}: no weights of the CNN estimator; `trepid train-lane` makes them")
         self._session = open_session(path.read_bytes(), path)
+        numbers = {output.name: output.shape[-1] for output in self._session.get_outputs()}.get("lane")
+        if numbers != len(MIRRORED):
+            raise InputError(
+                f"{path}: its lane has {numbers} numbers, not {len(MIRRORED)}; `trepid train-lane` makes another"
+            )
 
     def __call__(self, images: Image) -> Outputs:
         """Of images (n, height, width, 3)."""
@@ -131,13 +151,19 @@ class Network:
 
 
 class SteerNet:
-    """Estimator ``cnn``. It reports no boundaries, no lane width and 0 detected lanes."""
+    """Estimator ``cnn``. It reports no boundaries and 0 detected lanes."""
 
-    def __init__(self, settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> None:
-        """Raises InputError when the weights are missing or do not agree with their record."""
+    def __init__(
+        self, settings: SteerNetSettings, camera: Camera, vehicle: Vehicle, *, assumed: bool = False
+    ) -> None:
+        """``assumed``: the height of ``camera`` is not known, so that the width of a lane says nothing.
+
+        Raises InputError when the weights are missing or do not agree with their record.
+        """
         weights = resource(Path(settings.weights))
         self._settings = settings
         self._vehicle = vehicle
+        self._assumed = assumed
         self._network = Network(weights)
         self._record = load_record(weights, Record)
         self._view = CanonicalView(camera, self._record.camera)
@@ -149,21 +175,31 @@ class SteerNet:
         if image.dtype != np.uint8 or image.shape != self._shape:
             return self._nothing(frame, f"image is {image.dtype} {image.shape}, not uint8 {self._shape}")
         found = self._network(self._view.image(image)[None])
-        sigma, visible, unlike = (float(output[0]) for output in found[1:])
-        if not (np.isfinite(found.lanes).all() and math.isfinite(sigma + visible + unlike)):
+        if not all(np.isfinite(output).all() for output in found):
             return self._nothing(frame, "the network's output is not finite")
+        lane, width_m = lane_of_row(found.lanes[0], self._record.lane_lookahead_m)
+        sigma_1pm, width_m = float(found.command_sigma_1pm[0]), width_m * self._view.scale
+        confidence, reason = self._confidence(found, sigma_1pm, width_m)
+        if reason:
+            return self._nothing(frame, reason)
+        seen = self._seen(frame, self._view.lane(lane), confidence, sigma_1pm / self._view.scale)
+        return replace(seen, lane_width_m=width_m)
+
+    def _confidence(self, found: Outputs, sigma_1pm: float, width_m: float) -> tuple[float, str]:
+        """The confidence of the lane of one image, and why there is no lane; "" if there is one."""
+        visible = float(found.visible[0])
         if visible < self._settings.min_visible:
-            return self._nothing(frame, "the network detects no road")
-        share = self._record.world.share(unlike)
-        if share == 0.0:
-            return self._nothing(frame, "the image is unlike those of the training of the network")
-        confidence = share * visible * self._probability(sigma)
+            return 0.0, "the network detects no road"
+        world = self._record.world.share(float(found.unlike[0]))
+        if world == 0.0:
+            return 0.0, "the image is unlike those of the training of the network"
+        width = 1.0 if self._assumed else self._settings.width_share(width_m / self._vehicle.scale)
+        if width == 0.0:
+            return 0.0, f"the lane of the network is {width_m:.1f} m wide"
+        confidence = world * width * visible * self._probability(sigma_1pm)
         if confidence < self._settings.min_confidence:
-            return self._nothing(
-                frame, "the network detects a road, but the confidence of its lane is too low"
-            )
-        lane = lane_of_row(found.lanes[0], self._record.lane_lookahead_m)
-        return self._seen(frame, self._view.lane(lane), confidence, sigma / self._view.scale)
+            return 0.0, "the network detects a road, but the confidence of its lane is too low"
+        return confidence, ""
 
     def _probability(self, command_sigma_1pm: float) -> float:
         """Calibrated probability for δ = atan(L·κ_cmd), with σ_δ ≈ L·σ_κ (its largest value, straight ahead)."""

@@ -10,7 +10,7 @@ from sim_harness.footage.onlooker import Onlooked
 from trepid.messages import PixelPath, SteeringEstimate
 from trepid.types import Image
 
-DASHED = (255, 90, 255)  # an outline of assumed width
+DASHED = (255, 90, 255)  # an outline of a lane without detected boundaries
 
 
 def drawn(one: FrameResult[Onlooked]) -> Image:
@@ -19,12 +19,12 @@ def drawn(one: FrameResult[Onlooked]) -> Image:
 
 
 def with_lanes(image: Image, seen: Onlooked) -> Image:
-    """A copy of ``image``, at least 640 px wide: measured boundaries as lines, those of assumed width dashed."""
-    measured = [e for e in seen.estimates.values() if e.lane_width_m is not None]
+    """A copy of ``image``, at least 640 px wide: detected boundaries as lines, others dashed."""
+    measured = [e for e in seen.estimates.values() if e.has_boundaries]
     canvas = with_lane(image, measured[0]) if measured else enlarged(image)[0]
     scale = canvas.shape[1] / image.shape[1]
     for found in seen.estimates.values():
-        if found.lane_width_m is None:
+        if not found.has_boundaries:
             dashed(canvas, found, scale)
     return canvas
 

@@ -15,11 +15,15 @@ from learning.drawn_frames import (
     _blinding_light,
     _mirrored,
     _random_light,
+    _random_place,
+    highway,
     random_road,
     road_samples,
+    seamed,
 )
+from learning.roadside import Scenery
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.roads.appearance import Light, Marking, Section
+from sim_harness.world.roads.appearance import Light, Marking, Section, Stroke
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -59,6 +63,38 @@ def test_a_random_road_never_turns_back_on_itself(seed):
     road = random_road(np.random.default_rng(seed))
     headings = road.poses(np.arange(0, road.length_m, 1.0))[:, 2]
     assert np.abs(headings).max() < math.pi / 2
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_highway_has_up_to_six_lanes_and_wide_bends(seed):
+    road = highway(np.random.default_rng(seed))
+    (section,) = road.sections
+    beside = len(section.left_lanes), len(section.right_lanes)
+    assert beside[0] <= 3 and beside[1] <= 2
+    strokes = section.left.stroke, section.right.stroke
+    assert strokes == tuple(Stroke.DASHED if lanes else Stroke.SOLID for lanes in beside)
+    bends = [road.curvature_at(station_m) for station_m in np.arange(0, road.length_m, 5.0).tolist()]
+    assert max(abs(bend) for bend in bends) <= 1 / 300 + 1e-9
+
+
+def test_seams_are_the_only_change_of_a_seamed_road():
+    road = random_road(np.random.default_rng(3))
+    with_seams = seamed(road, np.random.default_rng(4))
+    assert all(1 <= len(section.seams_m) <= 3 for section in with_seams.sections)
+    bare = [section.model_copy(update={"seams_m": ()}) for section in with_seams.sections]
+    assert with_seams.settings.model_copy(update={"sections": tuple(bare)}) == road.settings
+
+
+def test_scenery_adds_highways_and_seams_in_their_shares():
+    def roads(**shares: float) -> list[Road]:
+        scenery = Scenery(streets=0, things=0, **shares)
+        generators = [(np.random.default_rng((n, 1)), np.random.default_rng((n, 2))) for n in range(30)]
+        return [_random_place(*pair, scenery)[0].road for pair in generators]
+
+    assert {road.settings.name for road in roads(highways=1.0)} == {"highway"}
+    assert not any("highway" in road.settings.name for road in roads())
+    seams = [bool(road.sections[0].seams_m) for road in roads(seams=0.5)]
+    assert 8 <= sum(seams) <= 22
 
 
 def test_a_mirrored_frame_shows_the_mirror_image_of_the_road():

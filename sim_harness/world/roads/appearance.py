@@ -109,6 +109,7 @@ class Section(Settings):
     surface: Surface = Surface.ASPHALT
     surface_grey: Share = 0.45  # mean grey of the carriageway in a well-exposed frame
     patchiness: Share = 0.3  # repairs, cracks, tar seams
+    seams_m: tuple[float, ...] = ()  # places of tar seams along the road, + left of the middle of the lane
     verge: Verge = Verge.GRASS
     snow_left_m: NonNegative = 0.0  # width of a ragged bank of snow on the edge of the carriageway
     snow_right_m: NonNegative = 0.0

@@ -17,7 +17,7 @@ WILD = Augmentation(
 )
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 CANONICAL = cropped(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
-LANE = np.array([0.3, 0.02, 0.01, 0.012], np.float32)
+LANE = np.array([0.3, 0.02, 0.01, 0.012, 3.4], np.float32)
 
 
 def picture() -> np.ndarray:
@@ -36,7 +36,7 @@ def test_without_strength_nothing_changes():
 def test_a_mirrored_image_has_the_mirrored_lane():
     mirror = CALM.model_copy(update=dict(flip=1.0))
     image, lane = augment(picture(), LANE, mirror, np.random.default_rng(1))
-    assert np.array_equal(image, picture()[:, ::-1]) and np.allclose(lane, -LANE, atol=1e-7)
+    assert np.array_equal(image, picture()[:, ::-1]) and np.allclose(lane, [*-LANE[:4], LANE[4]], atol=1e-7)
 
 
 def test_the_same_generator_state_gives_the_same_image_and_leaves_the_source_alone():
@@ -76,8 +76,8 @@ def test_fewer_pixels_and_coding_lose_noise_and_keep_the_lane(change):
 def test_the_lane_from_another_height_is_inverted_by_inference(raised):
     camera = CAMERA.model_copy(update=dict(height_m=raised * CAMERA.height_m))
     shifted = Augmenter(CALM, CANONICAL, lookahead_m=10.0).lane_from(LANE, raised)
-    back = CanonicalView(camera, CANONICAL).lane(lane_of_row(shifted, 10.0))
-    assert row_of_lane(back, 10.0) == pytest.approx(LANE, abs=1e-6)
+    view, (lane, width_m) = CanonicalView(camera, CANONICAL), lane_of_row(shifted, 10.0)
+    assert row_of_lane(view.lane(lane), width_m * view.scale, 10.0) == pytest.approx(LANE, abs=1e-6)
 
 
 @pytest.mark.parametrize("raised", [0.8, 1.3])

@@ -2,6 +2,7 @@
 
 import importlib.util
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,19 @@ import pytest
 
 import learning.rendered
 from learning.drawn_frames import road_samples
-from learning.lane.frames import Shot, circuit_frames, random_frames
+from learning.lane.frames import (
+    MOUNTS,
+    Mounts,
+    Shot,
+    circuit_frames,
+    mounted,
+    mounted_frames,
+    random_frames,
+)
 from learning.lane.scores import Labelled
 from learning.lane.train import train
 from learning.rendered import FIRST_ROAD, ROADS_PER_SEED
-from perception.net.canonical import cropped
+from perception.net.canonical import CanonicalView, cropped, lane_of_row
 from sim_harness.world.road_file import load_road
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
@@ -65,6 +74,44 @@ def test_the_labels_are_those_of_the_rendered_frame():
         rate = (lane[3] - lane[2]) / SHOT.lookahead_m
         assert lane[:3] == pytest.approx(sample.lane[:3], abs=1e-6)
         assert rate == pytest.approx(sample.lane.curvature_rate_1pm2, abs=1e-6)
+        assert lane[4] == pytest.approx(sample.lane_width_m)
+
+
+def test_the_labels_from_a_higher_camera_are_those_of_a_smaller_world():
+    high = CAMERA.model_copy(update=dict(height_m=1.5 * CAMERA.height_m))
+    samples = list(road_samples(7, CAMERA, frames=2, ahead_m=15.0))
+    view = CanonicalView(high, CANONICAL)
+    for row, sample in zip(Shot(high, CANONICAL, 10.0, 2).labelled(samples).lanes, samples, strict=True):
+        lane, width_m = lane_of_row(row, 10.0)
+        assert view.lane(lane)[:4] == pytest.approx(sample.lane[:4], abs=1e-5)
+        assert 1.5 * width_m == pytest.approx(sample.lane_width_m, rel=1e-5)
+
+
+def test_roads_by_random_mounts_have_lanes_of_one_world_as_each_camera_shows_it():
+    """The same road by a fixed camera has the same first pose; the height is that of the ratio of both widths."""
+    mounts = Mounts(height=1.6, focal=1.4)
+    ratios = []
+    for seed in range(3):
+        one = SHOT.part(seed)["lanes"][0]
+        other = replace(SHOT, mounts=mounts).part(seed)["lanes"][0]
+        ratios.append(float(one[4] / other[4]))
+        camera = mounted(CAMERA, height=ratios[-1], focal=1.0)
+        here, there = (CanonicalView(c, CANONICAL) for c in (CAMERA, camera))
+        lanes = here.lane(lane_of_row(one, 10.0)[0]), there.lane(lane_of_row(other, 10.0)[0])
+        assert lanes[1][:3] == pytest.approx(lanes[0][:3], abs=1e-4)
+    assert all(1 / 1.6 <= ratio <= 1.6 for ratio in ratios)
+    assert max(ratios) / min(ratios) > 1.1
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_frames_of_other_mounts_come_with_the_scale_of_their_world(tmp_path, monkeypatch):
+    monkeypatch.setattr("learning.lane.frames.MOUNTED_FRAMES", 2)
+    found = mounted_frames(SHOT, seed=1, folder=tmp_path, reuse=False, report=silent)
+    assert {name: scale for name, (_, scale) in found.items()} == {
+        name: factors["height"] for name, factors in MOUNTS.items()
+    }
+    widths_m = {name: frames.lanes[0, 4] * scale for name, (frames, scale) in found.items()}
+    assert list(widths_m.values()) == pytest.approx([widths_m["high camera"]] * len(MOUNTS), rel=1e-5)
 
 
 def test_the_frames_of_the_circuit_cover_it_section_by_section():

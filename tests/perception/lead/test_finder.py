@@ -292,6 +292,19 @@ def test_the_corridor_is_the_lane_where_it_is_detected_and_our_arc_elsewhere() -
     assert arc.reaches_in_m(10.0, -1.0, 1.8) > 0 > arc.reaches_in_m(10.0, 3.0, 1.8)
 
 
+@pytest.mark.parametrize("width_m", [-1.0, 1.0, 5.0])
+def test_only_boundaries_give_the_corridor_another_width(width_m: float) -> None:
+    def room_m(**changes: float | int) -> float:
+        return Corridor(SETTINGS.choice, replace(lane(1.0), **changes), 0.0, None, t_s=1.0).reaches_in_m(
+            10.0, 1.0, 1.8
+        )
+
+    assert room_m(lane_width_m=width_m) == room_m()
+    assert room_m(lane_width_m=5.0, lanes_detected=2) == pytest.approx(
+        room_m() + (5.0 - VEHICLE.lane_width_m) / 2
+    )
+
+
 @pytest.mark.parametrize("name", ["none.onnx", "none.txt"])
 def test_a_detector_that_is_none_is_refused(name: str, tmp_path: Path) -> None:
     from perception.lead.boxes import BoxDetector

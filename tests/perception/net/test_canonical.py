@@ -75,7 +75,9 @@ def test_the_default_camera_leaves_the_lane_unchanged():
 @settings(max_examples=50, deadline=None)
 def test_the_lane_of_a_camera_elsewhere_scales_with_its_height(height_m, x_m, y_m, ahead_m):
     camera = CAMERA.model_copy(update=dict(height_m=height_m, x_m=x_m, y_m=y_m))
-    lane = CanonicalView(camera, CANONICAL).lane(LANE)
+    view = CanonicalView(camera, CANONICAL)
+    lane = view.lane(LANE)
+    assert view.canonical_lane(lane)[:4] == pytest.approx(LANE[:4], abs=1e-9)
     scale = height_m / CANONICAL.height_m
     # A point of the lane centre ahead_m before the canonical camera, and the same one before the true camera.
     canonical_y_m = LANE.y_m(CANONICAL.x_m + ahead_m)

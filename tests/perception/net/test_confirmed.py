@@ -81,6 +81,12 @@ def test_lanes_are_apart_by_the_share_of_the_width_of_the_other():
     assert apart(NOTHING, drawn(), CAMERA.height_px) is None
 
 
+def test_a_measured_width_counts_before_that_of_the_car():
+    wide = outlined(replace(lane(), lane_width_m=2 * VEHICLE.lane_width_m), CAMERA, VEHICLE)
+    assert wide.lane_width_m == 2 * VEHICLE.lane_width_m
+    assert apart(wide, drawn(), CAMERA.height_px) == pytest.approx(0.5, abs=0.02)
+
+
 def test_only_a_self_calibrated_camera_needs_a_witness():
     image = road((0.0, 0.0, 0.0, 0.0))
     entry = entry_of("cnn")
@@ -90,8 +96,8 @@ def test_only_a_self_calibrated_camera_needs_a_witness():
 
 
 def test_a_network_in_a_lane_of_another_width_than_its_own_is_doubted():
-    """A road drawn for half the height looks twice as wide as the lanes of the network."""
-    low = CAMERA.model_copy(update={"height_m": CAMERA.height_m / 1.8})
+    """A road drawn for less than half the height looks wider than any lane of the training."""
+    low = CAMERA.model_copy(update={"height_m": CAMERA.height_m / 2.4})
     image = road((0.2, 0.0, 0.0, 0.0), camera=low)
     camera = self_calibrated([image], SETTINGS.self_calibration)
     frame = Frame(t_s=0.0, image=image)

@@ -5,12 +5,13 @@ import json
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
 from net_rig import CAMERA, SETTINGS, VEHICLE, measurements, step
 
 from perception.lane.settings import LaneCvSettings
 from perception.net.session import load_record
-from perception.net.steer_net import Record, SteerNet, World, ahead_sigma_m
+from perception.net.steer_net import Network, Record, SteerNet, SteerNetSettings, World, ahead_sigma_m
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
@@ -76,6 +77,20 @@ def test_weights_that_are_no_network_are_refused(tmp_path: Path):
         SteerNet(settings, CAMERA, VEHICLE)
 
 
+def test_weights_of_another_layout_are_refused(tmp_path: Path):
+    image = onnx.helper.make_tensor_value_info("image", onnx.TensorProto.UINT8, ["n", 66, 200, 3])
+    lane = onnx.helper.make_tensor_value_info("lane", onnx.TensorProto.FLOAT, [4])
+    value = onnx.helper.make_tensor("value", onnx.TensorProto.FLOAT, [4], [0.0] * 4)
+    graph = onnx.helper.make_graph(
+        [onnx.helper.make_node("Constant", [], ["lane"], value=value)], "four", [image], [lane]
+    )
+    path = tmp_path / "four.onnx"
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=8)
+    path.write_bytes(model.SerializeToString())
+    with pytest.raises(InputError, match=r"four\.onnx: its lane has 4 numbers, not 5"):
+        Network(path)
+
+
 def test_a_record_of_other_weights_is_refused(tmp_path: Path):
     weights = tmp_path / "steer_net.onnx"
     weights.write_bytes(WEIGHTS.read_bytes() + b"\0")
@@ -107,6 +122,43 @@ def test_a_road_of_the_simulator_is_in_the_world_of_the_network(net: SteerNet):
         *road.position(30.0, 0.0), road.heading_at(30.0), t_s=0.0, station_m=30.0
     )
     assert step(net, image).confidence > 0.8
+
+
+def test_the_width_of_a_lane_is_measured_in_the_world_of_the_camera(net: SteerNet):
+    road = load_road("circuit")
+    for station_m in (10.0, 30.0, 60.0):
+        x_m, y_m = road.position(station_m, 0.2)
+        image = Renderer(road, CAMERA, seed=0).render(
+            x_m, y_m, road.heading_at(station_m), t_s=0.0, station_m=station_m
+        )
+        one = step(net, image)
+        assert one.lane_width_m == pytest.approx(road.width_at(station_m), abs=0.4)
+        twice = CAMERA.model_copy(update=dict(height_m=2 * CAMERA.height_m))
+        other = step(SteerNet(SETTINGS, twice, VEHICLE), image)
+        assert other.lane_width_m == pytest.approx(2 * one.lane_width_m)
+
+
+@pytest.mark.parametrize(
+    ("width_m", "share"), [(1.9, 0), (2.25, 0.5), (2.5, 1), (3.5, 1), (6.5, 1), (7.0, 0.5), (8.0, 0)]
+)
+def test_the_confidence_depends_on_a_width_that_lanes_have(width_m: float, share: float):
+    assert SETTINGS.width_share(width_m) == pytest.approx(share)
+
+
+def test_a_lane_that_is_too_narrow_for_the_car_is_none_unless_the_camera_is_assumed():
+    road = load_road("circuit")
+    image = Renderer(road, CAMERA, seed=0).render(
+        *road.position(30.0, 0.0), road.heading_at(30.0), t_s=0.0, station_m=30.0
+    )
+    low = CAMERA.model_copy(update=dict(height_m=CAMERA.height_m / 2))
+    assert step(SteerNet(SETTINGS, low, VEHICLE, assumed=True), image).confidence > 0.1
+    refused = step(SteerNet(SETTINGS, low, VEHICLE), image)
+    assert set(measurements(refused)) == {None} and "m wide" in refused.reason
+
+
+def test_widths_of_lanes_have_to_increase():
+    with pytest.raises(ValueError, match="four increasing widths"):
+        SteerNetSettings.model_validate(SETTINGS.model_dump() | {"lane_width_m": [2.0, 3.0, 3.0, 4.0]})
 
 
 def test_outside_its_world_the_network_gives_no_estimate_and_the_reason(tmp_path: Path):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from recorded_rig import recorded
 
 from perception.cli import estimate
 from sim_harness.footage.fear_cli import given_motion
-from sim_harness.footage.onlooker import Given
+from sim_harness.footage.fear_picture import with_lanes
+from sim_harness.footage.onlooker import Given, Onlooker
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
@@ -70,7 +72,18 @@ def test_a_folder_driven_as_one_drive_is_left_to_the_car_when_the_driver_lets_go
         assert set(row["estimates"]) == {"cv", "cnn"}
         assert len(row["sources"]) == len(row["trust"])
     assert rows[-1]["estimates"]["cnn"]["left_boundary_px"]
-    assert rows[-1]["estimates"]["cnn"]["lane_width_m"] is None, "its width is assumed, not measured"
+    assert rows[-1]["estimates"]["cnn"]["lane_width_m"] == pytest.approx(3.3, abs=0.6)
+
+
+def test_the_lanes_of_both_estimators_are_drawn(folder):
+    image = cv2.imread(str(folder / "30.png"))
+    onlooker = Onlooker(CAMERA, VEHICLE, Given(CAMERA, VEHICLE, lambda _: SPEED_MPS), cruise_speed_mps=None)
+    seen = onlooker.step(Frame(t_s=0.0, image=image))
+    both = with_lanes(image, seen)
+    for name in ("cv", "cnn"):
+        alone = with_lanes(image, replace(seen, estimates={name: seen.estimates[name]}))
+        assert (alone != both).any(), f"{name} alone looks like both"
+        assert (alone != with_lanes(image, replace(seen, estimates={}))).any()
 
 
 def test_without_drive_each_image_of_a_folder_stands_alone(folder, tmp_path, capsys):

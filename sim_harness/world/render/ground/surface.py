@@ -37,6 +37,7 @@ SNOW_RAGGED_M = 0.35  # standard deviation of the rim of a bank, at most half it
 WET_DARKENING = 0.38  # of soaked asphalt: about half the albedo, Lekner & Dorf (1988)
 PUDDLE_BGR = (150, 142, 134)  # reflection of a grey sky
 WHEELS_M = (-0.75, 0.75)
+SEAM_M, SEAM_DARKENING = 0.03, 0.4  # half width of a tar seam along the road
 ROUGH_M = 0.5  # bound of the roughness of an edge
 
 
@@ -49,6 +50,7 @@ class SurfacePainter:
         self._rim = smooth_noise(rng, (4 * ROWS, 2), (64, 1))  # noise of broken edges and of snow banks
         self._is_wet = any(section.wet for section in road.sections)
         self._tracks = {id(section): self._wheel_tracks(section) for section in road.sections}
+        self._seams = {id(section): self._seam_tone(section) for section in road.sections if section.seams_m}
 
     def mask(self, index: int, station: Array) -> Image:
         """Mask of carriageway and kerb of a block, with rough edges."""
@@ -109,7 +111,15 @@ class SurfacePainter:
             tone[here.station % CONCRETE_SLAB_M < 0.03] *= 0.65
         if section.surface != Surface.GRAVEL:
             _repair(tone, section.patchiness, rng)
+        if section.seams_m:
+            tone *= self._seams[id(section)]
         return tone
+
+    def _seam_tone(self, section: Section) -> Floats:
+        """Brightness of the seams along the road, per column."""
+        offset = self._grid.offsets
+        seams = sum(np.exp(-(((offset - place_m) / SEAM_M) ** 2)) for place_m in section.seams_m)
+        return np.asarray(1 - SEAM_DARKENING * np.minimum(seams, 1.0), np.float32)
 
     def _wheel_tracks(self, section: Section) -> Floats:
         """Relative darkening by wheel tracks in all lanes, per column."""

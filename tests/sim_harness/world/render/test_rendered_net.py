@@ -89,7 +89,7 @@ def test_confidence_falls_to_zero_as_the_road_fades(net, drive, kind):
 @pytest.mark.parametrize("output", range(4))
 def test_an_output_that_is_not_finite_is_no_estimate(net, drive, monkeypatch, output):
     ones = np.ones(1, np.float32)
-    outputs = [np.zeros((1, 4), np.float32), 0.01 * ones, ones, 0.01 * ones]
+    outputs = [np.array([[0, 0, 0, 0, 3.3]], np.float32), 0.01 * ones, ones, 0.01 * ones]
     outputs[output] = outputs[output] * np.float32("nan")
     monkeypatch.setattr(net, "_network", lambda images: Outputs(*outputs))
     estimate = net.step(drive[0][0], None, now_s=0.0)
@@ -119,7 +119,7 @@ def test_the_estimate_has_the_frame_time_and_no_lines(net, drive):
     frame = drive[3][0]
     estimate = net.step(frame, None, now_s=5.0)
     assert estimate.t_s == frame.t_s and estimate.estimator == "cnn" and estimate.latency_ms is None
-    assert estimate.lanes_detected == 0 and estimate.lane_width_m is None
+    assert estimate.lanes_detected == 0 and estimate.marked is None
     assert estimate.left_boundary_px == estimate.right_boundary_px == ()
 
 

@@ -57,6 +57,17 @@ def test_broken_edges_change_only_the_edge():
     assert many.min() > 2 * (EDGE_M - 0.6) - 0.15 and (few > 2 * EDGE_M - 0.1).mean() > 0.4
 
 
+def test_a_seam_is_a_dark_line_along_the_road_at_its_place():
+    bare_road, seamed = (
+        plan(straight(bare(surface_grey=0.5, seams_m=seams_m)), 15, 60) for seams_m in ((), (0.8,))
+    )
+    brightness = seamed.bgr.mean(axis=(1, 2)) / bare_road.bgr.mean(axis=(1, 2))
+    dark = np.flatnonzero(brightness < 0.9)
+    assert seamed.y_m[dark] == pytest.approx(0.8, abs=0.05)
+    assert 1 <= len(dark) <= 4
+    assert np.delete(brightness, range(dark[0] - 3, dark[-1] + 4)) == pytest.approx(1.0, abs=0.01)
+
+
 def test_only_a_wet_road_is_darker_and_has_puddles():
     dry, wet = (plan(straight(bare(wet=wet)), 15, 60, right_m=-1.9, left_m=1.9) for wet in (0.0, 1.0))
     ratio = np.median(wet.bgr) / np.median(dry.bgr)

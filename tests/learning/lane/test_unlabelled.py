@@ -1,0 +1,95 @@
+"""Lanes that a network gives to drives without labels."""
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from learning.lane.scores import Prediction, Task
+from learning.lane.unlabelled import Unlabelled, none_of, read_drives, self_labelled
+from perception.net.canonical import cropped
+from trepid.car.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+
+CANONICAL = cropped(
+    load(CONFIG_DIR / "camera.yaml", Camera), top_px=82, bottom_px=202, width_px=200, height_px=66
+)
+TASK = Task(wheelbase_m=2.7, command_row=np.array([-2 / 64, 0.0, 0.0, 0.0]))
+AGREE_RAD = math.radians(1.0)
+STEP_M = 0.1  # of the offset for one grey level: 0.48 deg of the road wheels
+
+
+def drive(*middles: int) -> np.ndarray:
+    """Images in which the left half is as much brighter than the right one as ``middles`` say."""
+    images = np.full((len(middles), 66, 200, 3), 100, np.uint8)
+    for image, middle in zip(images, middles, strict=True):
+        image[:, :100] += np.uint8(middle)
+    return images
+
+
+def network(images: np.ndarray, *, bias_m: float = 0.0, visible: float = 1.0) -> Prediction:
+    """Reads the offset from :func:`drive`; the mirror image has the opposite one, but for the bias."""
+    means = images.astype(float).mean(axis=(1, 3))
+    offsets = STEP_M * (means[:, 0] - means[:, -1]) + bias_m
+    lanes = np.zeros((len(images), 5), np.float32)
+    lanes[:, 0], lanes[:, 4] = offsets, 3.3
+    return Prediction(lanes, np.zeros(len(images)), np.full(len(images), visible))
+
+
+def labelled(images: np.ndarray, drives: list[int], **changes: float) -> np.ndarray:
+    """Offsets that are given."""
+    frames = Unlabelled(images, np.array(drives))
+    found = self_labelled(lambda seen: network(seen, **changes), frames, TASK, agree_rad=AGREE_RAD)
+    assert len(found.images) == len(found.lanes) == len(found.visible) and found.visible.all()
+    return found.lanes[:, 0]
+
+
+def test_a_steady_drive_has_the_lanes_of_the_network():
+    assert labelled(drive(0, 1, 2, 2), [0, 0, 0, 0]) == pytest.approx([0, 0.1, 0.2, 0.2], abs=1e-6)
+
+
+def test_a_frame_unlike_its_neighbour_in_the_drive_has_no_lane_and_neither_has_the_neighbour():
+    assert labelled(drive(0, 0, 9, 9), [0, 0, 0, 0]) == pytest.approx([0, 0.9], abs=1e-6)
+    assert labelled(drive(0, 0, 9, 9), [0, 0, 1, 1]) == pytest.approx([0, 0, 0.9, 0.9], abs=1e-6)
+
+
+def test_a_lane_that_is_not_mirrored_in_the_mirror_image_does_not_count():
+    assert len(labelled(drive(3, 3), [0, 0], bias_m=0.15)) == 0
+    assert labelled(drive(3, 3), [0, 0], bias_m=0.05) == pytest.approx([0.3, 0.3], abs=1e-6)  # the mean
+
+
+def test_a_road_has_to_be_visible_in_the_image_and_in_its_mirror_image():
+    frames = Unlabelled(drive(2, 2), np.array([0, 0]))
+    for hidden in (0, 1):
+        calls = iter([0, 1])
+
+        def half_blind(images: np.ndarray, calls=calls, hidden=hidden) -> Prediction:
+            return network(images, visible=0.4 if next(calls) == hidden else 1.0)
+
+        assert len(self_labelled(half_blind, frames, TASK, agree_rad=AGREE_RAD)) == 0
+
+
+def test_without_frames_there_are_no_labels():
+    assert len(self_labelled(network, none_of(CANONICAL), TASK, agree_rad=AGREE_RAD)) == 0
+
+
+def test_frames_of_folders_and_images_are_read_as_drives_of_their_own(tmp_path: Path):
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    for number in range(5):
+        cv2.imwrite(str(folder / f"{number}.png"), np.full((120, 160, 3), 40 + number, np.uint8))
+    one = tmp_path / "one.png"
+    cv2.imwrite(str(one), np.full((240, 320, 3), 90, np.uint8))
+    found = read_drives([folder, one], CANONICAL, most_frames=3)
+    assert found.images.shape == (4, 66, 200, 3)
+    assert found.drives.tolist() == [0, 0, 0, 1] and found.names == ("drive", "one.png")
+    assert found.images[:, 30, 100].mean(axis=1).tolist() == [40, 41, 42, 90]
+    assert found.digest != read_drives([folder], CANONICAL, most_frames=3).digest
+    assert found.digest != Unlabelled(found.images, np.array([0, 0, 1, 1])).digest
+    cv2.imwrite(str(folder / "9.png"), np.full((60, 80, 3), 9, np.uint8))
+    with pytest.raises(InputError, match=r"9\.png: image 5 has 80 x 60 px"):
+        read_drives([folder], CANONICAL, most_frames=9)
+    with pytest.raises(InputError, match="nowhere"):
+        read_drives([tmp_path / "nowhere"], CANONICAL, most_frames=3)
