@@ -5,7 +5,7 @@ without memory, measured without ground truth. For a network on images unlike it
 confidence falls (compare Michelmore et al., Evaluating uncertainty quantification in end-to-end autonomous driving
 control, 2018; ensembles and dropout measure the same at several times the price). Jitter is the rms jump from frame
 to frame over the last half second: an error at present; or the systematic drift, if that is larger: the change over
-the last DRIFT_M of way at one point of the road, beyond that of independent jumps. That is of estimators that track
+the last DRIFT_M of way at one point of the road, beyond the greatest jump in it. That is of estimators that track
 lines or edges: a curvature that is wrong by the same amount in every frame hardly jumps, but the lane turns away
 from the road that it described before. Path jitter is the rms jump between frames STEP_M apart over the last
 PATH_JITTER_M of road: a road unlike the training data.
@@ -27,7 +27,6 @@ MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
 PATH_JITTER_M = 10.0  # ... or of the way: the length of a comfort stop, after which the value still holds
 STEP_M = 0.3  # of way between the frames compared for it: images of a creeping car are nearly the same
 DRIFT_M = 3.0  # of way between the frames compared for the drift: a third of the way to AHEAD_M
-SIGMAS = 2.0  # of independent jumps, whose sum hardly grows with the way; the rest of a drift is systematic
 DRIFT_S = 1.0  # for which it counts: at 3 m/s and more until the next one
 KNOWN_M = 0.05  # jump of the network on roads like its training data ...
 KNOWN_SHARE = 0.2  # ... and its weight before the first jump
@@ -89,21 +88,24 @@ class _Drift(NamedTuple):
 
     before: Lane  # the lane to compare the next one with, moved by odometry
     way_m: float = 0.0  # driven since that frame
+    jump_m: float = 0.0  # the greatest from frame to frame since then
     age_s: float = 0.0  # of that frame
-    change_m: float = 0.0  # when it was taken
+    change_m: float = 0.0  # when it was taken, beyond the greatest jump
 
     @property
     def drift_m(self) -> float:
         """The change; 0 once it is older than DRIFT_S, as at standstill."""
         return self.change_m if self.age_s <= DRIFT_S else 0.0
 
-    def after(self, lane: Lane, motion: Motion, dt_s: float) -> "_Drift":
-        """With the lane ``dt_s`` later."""
+    def after(self, lane: Lane, motion: Motion, dt_s: float, jump_m: float) -> "_Drift":
+        """With the lane ``dt_s`` later, which jumped by ``jump_m`` from the one before."""
+        greatest_m = at_least(abs(jump_m), self.jump_m)
         before, way_m = self.before.after(motion, dt_s), self.way_m + abs(motion.speed_mps) * dt_s
         if way_m < DRIFT_M:
-            return self._replace(before=before, way_m=way_m, age_s=self.age_s + dt_s)
+            return self._replace(before=before, way_m=way_m, jump_m=greatest_m, age_s=self.age_s + dt_s)
         there_m = at_least(AHEAD_M - way_m, 0.0)
-        return _Drift(lane, change_m=abs(lane.y_m(there_m) - before.y_m(there_m)))
+        change_m = abs(lane.y_m(there_m) - before.y_m(there_m))
+        return _Drift(lane, change_m=at_least(change_m - greatest_m, 0.0))
 
 
 class _Track(NamedTuple):
@@ -124,7 +126,7 @@ class _Track(NamedTuple):
         jump_m = lane.y_m(AHEAD_M) - self.lane.after(motion, dt_s).y_m(AHEAD_M)
         square_m2 = self.square_m2.after(jump_m**2, dt_s, length=MEMORY_S)
         path_jitter = self.path_jitter.after(lane, motion, dt_s)
-        return _Track(t_s, lane, square_m2, path_jitter, self.drift.after(lane, motion, dt_s))
+        return _Track(t_s, lane, square_m2, path_jitter, self.drift.after(lane, motion, dt_s, jump_m))
 
 
 class Consistency:
@@ -148,7 +150,7 @@ class Consistency:
         self._tracks[s.estimator] = track
         jitter_m = math.sqrt(track.square_m2.mean) if s.lane is not None else 0.0
         if s.marked is not None:  # it tracks lines or edges
-            jitter_m = at_least(track.drift.drift_m - SIGMAS * jitter_m, jitter_m)
+            jitter_m = at_least(track.drift.drift_m, jitter_m)
         return Steadiness(jitter_m, math.sqrt(track.path_jitter.square_m2.mean))
 
 

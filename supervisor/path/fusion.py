@@ -42,6 +42,7 @@ class FusionSettings(Settings):
     gate_offset_m: Positive  # roads this far apart at the axle ...
     gate_lookahead_m: Positive  # ... or at ℓ are two roads
     same_road_sigmas: Positive  # differences up to so many of their standard deviations are those of one road
+    usual_deviation_m: Positive  # differences of two offsets by this much are no separation anyway
     rejoin_share: PositiveShare  # of these gates, within which a rejected view is fused again
     memory_s: PositiveShare  # how long the path is remembered without estimates
     forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
@@ -145,12 +146,11 @@ class Fusion:
         remembered = self._remembered(coasted, t_s, lookahead_m)
         group = self._agreeing(views, remembered, t_s)
         self._left_out = frozenset([view.name for view in views if view not in group])
-        sigmas = self._settings.same_road_sigmas
-        raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m, sigmas)
+        raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m, self._settings)
         if raw_1pm is not None:
             separation_m = self._lasting_m(Apart(t_s, separation_m))
         if remembered and not group:  # all rejected: the memory counts as another estimator
-            _, held_1pm, held_m = _disagreement([*views, remembered], lookahead_m, sigmas)
+            _, held_1pm, held_m = _disagreement([*views, remembered], lookahead_m, self._settings)
             weighted_1pm, separation_m = at_least(held_1pm, weighted_1pm), at_least(held_m, separation_m)
         total = sum([view.weight for view in group])
         if group:
@@ -319,13 +319,14 @@ def _here_m(a: View, b: View) -> float:
 
 
 def _disagreement(
-    views: list[View], lookahead_m: float, same_road_sigmas: float
+    views: list[View], lookahead_m: float, settings: FusionSettings
 ) -> tuple[float | None, float, float]:
     """Greatest |Δκ_cmd| [1/m] of two views, plain and significant, and greatest significant |Δe| [m].
 
     Significant is the part of the difference Δy at the look-ahead ℓ for which the deviations σ that the views state
     do not account, as a curvature: 2·max(0, |Δy| - z·√(σ_a² + σ_b²))/ℓ² with z = ``same_road_sigmas``; likewise of
-    the difference Δe of the offsets at the axle, max(0, |Δe| - z·√(σ_a² + σ_b²)) with the σ there. Two views of
+    the difference Δe of the offsets at the axle, max(0, |Δe| - max(0, z·√(σ_a² + σ_b²) - ``usual_deviation_m``))
+    with the σ there: the sets of the rules contain the usual deviation, also of views that state none. Two views of
     one road differ by N(0, σ_a² + σ_b²) (the test of association of two tracks; Bar-Shalom and Li,
     Multitarget-Multisensor Tracking (1995)); the excess over z deviations estimates a difference that is usually 0
     (soft threshold; Donoho, De-noising by soft-thresholding, IEEE Trans. IT 41 (1995)). A view that states no
@@ -338,10 +339,11 @@ def _disagreement(
     plain, significant, separation_m = None, 0.0, 0.0
     for a, b in itertools.combinations(views, 2):
         apart_1pm = abs(pursuit_curvature(a.ahead_m, lookahead_m) - pursuit_curvature(b.ahead_m, lookahead_m))
-        ahead_m = same_road_sigmas * math.hypot(a.ahead_sigma_m, b.ahead_sigma_m)
-        here_m = same_road_sigmas * math.hypot(a.here_sigma_m, b.here_sigma_m)
+        ahead_m = settings.same_road_sigmas * math.hypot(a.ahead_sigma_m, b.ahead_sigma_m)
+        here_m = settings.same_road_sigmas * math.hypot(a.here_sigma_m, b.here_sigma_m)
         known_1pm = at_least(apart_1pm - pursuit_curvature(ahead_m, lookahead_m), 0.0)
-        known_m = at_least(_here_m(a, b) - here_m, 0.0)
+        unusual_m = at_least(here_m - settings.usual_deviation_m, 0.0)
+        known_m = at_least(_here_m(a, b) - unusual_m, 0.0)
         share = at_most(b.confidence, a.confidence) / at_least(b.confidence, a.confidence)
         plain = at_least(apart_1pm, plain or 0.0)
         significant = at_least(known_1pm * share, significant)

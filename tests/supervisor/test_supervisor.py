@@ -535,7 +535,7 @@ def test_rules_about_an_unknown_input_are_refused() -> None:
 
 
 def test_the_car_does_not_start_while_the_estimators_report_different_roads() -> None:
-    aside = replace(ESTIMATE, lateral_offset_m=0.5, heading_error_rad=0.0)
+    aside = replace(ESTIMATE, lateral_offset_m=0.7, heading_error_rad=0.0)
     decision = Drive().last(6.0, cnn=aside)
     assert decision.fear <= SETTINGS.modes.reengage_max_fear
     assert (decision.mode, decision.cause) == (Mode.STOP, "starting")

@@ -49,7 +49,7 @@ def test_the_default_tuned_numbers_are_in_the_shipped_file_and_setting_them_unch
     assert same.count("\n") == TEXT.text.count("\n")
 
 
-@pytest.mark.parametrize("value", [0.11, 0.1333, 0.24])
+@pytest.mark.parametrize("value", [0.26, 0.3333, 0.44])
 def test_only_the_number_changes_in_all_the_sets_where_it_stands(value: float) -> None:
     changed = TEXT.changed({CORNER: value})
     old, new = TEXT.text.splitlines(), changed.splitlines()
@@ -225,7 +225,7 @@ def test_an_invalid_candidate_is_refused_without_being_driven(tmp_path: Path) ->
     )
     with pytest.raises(Invalid, match="separation"):
         candidate(task, {CORNER: 0.9}, tmp_path)  # beyond its neighbours
-    assert not verify(FearRules.load(candidate(task, {CORNER: 0.2}, tmp_path))).problems
+    assert not verify(FearRules.load(candidate(task, {CORNER: 0.4}, tmp_path))).problems
     dearer = SETTINGS.costs.model_copy(update={"departure": 1.0})
     wider = {CORNER: Span(low=0.1, high=1.0)}
     others = [replace(task, parameters=wider), replace(task, costs=dearer)]
@@ -236,7 +236,7 @@ def test_an_invalid_candidate_is_refused_without_being_driven(tmp_path: Path) ->
 COMMAND = [
     *(sys.executable, "-m", "trepid", "fear", "tune"),
     *("--scenarios", "lying_cv", "--cases", "1", "--set", "sight=truth", "--set", "duration_s=7"),
-    *("--vary", "fear.medium.speed_factor=0.5..1", "--vary", f"{CORNER}=0.06..0.24", "--seed", "5"),
+    *("--vary", "fear.medium.speed_factor=0.5..1", "--vary", f"{CORNER}=0.2..0.6", "--seed", "5"),
     *("--workers", "2", "--unseen-seed", "99", "--json"),
 ]
 
