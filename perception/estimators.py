@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+from perception.camera.odometry import Odometry
 from perception.lane.lane_cv import LaneCv
 from perception.lane.settings import LaneCvSettings
 from perception.lane.which_lane import WhichLane
@@ -67,21 +68,34 @@ class Entry:
     # takes its place where it is not made for a camera and vehicle of their own world. Raises InputError
     misfit: Callable[[Camera, Vehicle], Unfit | None] | None = None
     # for a self-calibrated camera; None: `construct` takes it as if it were known
-    construct_assumed: Callable[[Camera, Vehicle], Estimator] | None = None
+    construct_assumed: Callable[[Camera, Vehicle, Odometry], Estimator] | None = None
 
-    def build(self, camera: Camera, vehicle: Vehicle, *, assumed: bool = False) -> Estimator:
+    def build(
+        self,
+        camera: Camera,
+        vehicle: Vehicle,
+        *,
+        assumed: bool = False,
+        odometry: Odometry = Odometry.WAY_AND_TURN,
+    ) -> Estimator:
         """The estimator for ``camera`` on ``vehicle``, in the scale of its lanes.
 
-        ``assumed``: the camera is self-calibrated, so its height is a guess.
+        ``assumed``: the camera is self-calibrated, so its height is a guess, which ``odometry`` in the vehicle
+        states narrows.
         One that is not made for them estimates nothing and gives the reason. Raises InputError.
         """
         if self.misfit is not None and (unfit := self.misfit(camera, vehicle)):
             return unfit
-        construct = self.construct_assumed if assumed and self.construct_assumed else self.construct
         if vehicle.scale == 1.0:
-            return construct(camera, vehicle)
+            return self._constructed(camera, vehicle, assumed, odometry)
         eye = scaled_settings(camera, 1 / vehicle.scale)
-        return ScaledEstimator(construct(eye, vehicle.in_reference_world), vehicle.scale)
+        estimator = self._constructed(eye, vehicle.in_reference_world, assumed, odometry)
+        return ScaledEstimator(estimator, vehicle.scale)
+
+    def _constructed(self, camera: Camera, vehicle: Vehicle, assumed: bool, odometry: Odometry) -> Estimator:
+        if assumed and self.construct_assumed:
+            return self.construct_assumed(camera, vehicle, odometry)
+        return self.construct(camera, vehicle)
 
 
 def lane_cv_settings() -> LaneCvSettings:
@@ -93,8 +107,8 @@ def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
     return LaneCv(lane_cv_settings(), camera, vehicle)
 
 
-def _lane_cv_assumed(camera: Camera, vehicle: Vehicle) -> Estimator:
-    return WhichLane(lane_cv_settings(), camera, vehicle)
+def _lane_cv_assumed(camera: Camera, vehicle: Vehicle, odometry: Odometry) -> Estimator:
+    return WhichLane(lane_cv_settings(), camera, vehicle, odometry)
 
 
 def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
@@ -104,13 +118,13 @@ def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
     return SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
 
 
-def _steer_net_assumed(camera: Camera, vehicle: Vehicle) -> Estimator:
+def _steer_net_assumed(camera: Camera, vehicle: Vehicle, odometry: Odometry) -> Estimator:
     from perception.net.confirmed import ConfirmedNet
     from perception.net.steer_net import SteerNet, SteerNetSettings
 
     settings = load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings)
     network = SteerNet(settings, camera, vehicle, assumed=True)
-    return ConfirmedNet(network, WhichLane(lane_cv_settings(), camera, vehicle), camera, vehicle)
+    return ConfirmedNet(network, WhichLane(lane_cv_settings(), camera, vehicle, odometry), vehicle)
 
 
 def _steer_net_misfit(camera: Camera, vehicle: Vehicle) -> Unfit | None:

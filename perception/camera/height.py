@@ -7,10 +7,10 @@ distance driven between two frames, gives the height in metres.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from perception.camera.road_lines import BONNET_SHARE, SHARP_RAD, Segments, pitch_and_yaw, undistorted
+from perception.camera.ground_flow import Ground, tracked
+from perception.camera.road_lines import SHARP_RAD, Segments, pitch_and_yaw, undistorted
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.types import Array, Image
@@ -21,8 +21,6 @@ SWAY_H = 0.25  # largest distance of a line from its mean place
 MIN_ASIDE_H, MIN_PEAK = 0.15, 0.1  # of a line from the middle; of a peak over the highest one
 MAX_OFF_CENTRE = 0.2  # of the camera from the middle of the lane, over its width
 MAX_SPREAD = 0.1  # of the widths or distances: between quartiles, over the median
-CORNERS, QUALITY, APART_PX, LOST_PX = 400, 0.005, 6, 0.3
-AHEAD_H, ACROSS_H = (1.5, 7.0), 2.0  # part of the road in which corners are tracked
 MIN_CORNERS = 10
 
 
@@ -46,8 +44,7 @@ def height(
     driven = [step for step in steps if step.way_m is not None and step.following is not None]
     if not driven:
         return camera.height_m, "the camera file", None
-    flat = camera.model_copy(update={"height_m": 1.0, "x_m": 0.0, "y_m": 0.0})
-    heights = [step.way_m / way for step in driven if step.way_m and (way := _way_h(step, flat)) is not None]
+    heights = [found for step in driven if step.way_m and (found := _height_m(step, camera)) is not None]
     height_m, doubt = _agreed(heights, "the ground moving between two frames")
     return height_m, "the speed", doubt
 
@@ -112,34 +109,16 @@ def _lane_widths_h(frames: Sequence[_Across]) -> list[float]:
     return [one - other for one, other in pairs if one is not None and other is not None]
 
 
-def _way_h(step: Step, camera: Camera) -> float | None:
-    """Distance driven between two frames in heights of the camera; None with too few tracked corners.
+def _height_m(step: Step, camera: Camera) -> float | None:
+    """Height of ``camera`` by the median corner of the ground; None with too few of them.
 
-    Corners of Shi and Tomasi on the road, tracked forwards and backwards by Lucas and Kanade.
+    Relative to the horizon row v = f·h/x, so that h = Δ/(f·(1/v − 1/v′)) over the way Δ.
     """
-    if step.following is None:
+    if step.way_m is None or step.following is None:
         return None
     before, after = (undistorted(image, camera) for image in (step.image, step.following))
-    found = cv2.goodFeaturesToTrack(before, CORNERS, QUALITY, APART_PX, mask=_road_mask(camera))
-    if found is None:
-        return None
-    there, good, _ = cv2.calcOpticalFlowPyrLK(before, after, found, found.copy())
-    back, good_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, there.copy())
-    kept = (np.asarray(good) & np.asarray(good_back)).ravel().astype(bool)
-    kept &= np.abs(back - found).max(axis=(1, 2)) < LOST_PX
-    moved = camera.road_from_pixel(found[kept, 0]) - camera.road_from_pixel(there[kept, 0])
-    ways = moved[np.isfinite(moved).all(axis=1), 0]
-    ways = ways[ways > 0]
-    return float(np.median(ways)) if len(ways) >= MIN_CORNERS else None
-
-
-def _road_mask(camera: Camera) -> Image:
-    """Mask of the road ahead for a camera at height 1."""
-    corners = [
-        (x, y) for x, y in zip(np.repeat(AHEAD_H, 2), (ACROSS_H, -ACROSS_H, -ACROSS_H, ACROSS_H), strict=True)
-    ]
-    outline = np.nan_to_num(camera.pixel_from_road(np.array(corners)))
-    mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
-    cv2.fillConvexPoly(mask, np.clip(outline, -1e4, 1e4).astype(np.int32), 255)
-    mask[int(BONNET_SHARE * camera.height_px) :] = 0
-    return mask
+    ground = Ground(camera, camera.fx_px, camera.fx_px * camera.height_m)
+    moved = tracked(before, after, ground, step.way_m, None, 0.0)
+    ways_h = camera.fx_px * (1 / moved.before_px[:, 1] - 1 / moved.after_px[:, 1])
+    ways_h = ways_h[ways_h > 0]
+    return step.way_m / float(np.median(ways_h)) if len(ways_h) >= MIN_CORNERS else None

@@ -25,6 +25,7 @@ class SelfCalibrationSettings(Settings):
     """Section ``self_calibration`` of ``config/perception.yaml``."""
 
     focal_per_width: Positive
+    focal_sigma: Positive
     height_m: Positive
     height_sigma: Positive
     ahead_of_rear_axle_m: float

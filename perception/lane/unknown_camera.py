@@ -15,7 +15,8 @@ surface: a lane whose far half is not the surface right ahead is improbable
 two lanes (:func:`perception.lane.model.lane_in_road.one_lane_probability`). The confidence is P times the
 steadiness, the agreement with the lane in a slightly changed image.
 
-In a clip the widths between two lines narrow the belief in the height, once; the search goes on around it.
+In a clip the widths between two lines narrow the belief in the height, once, and odometry that in height and focal
+length (:mod:`perception.camera.odometry`); the search goes on around them.
 """
 
 import math
@@ -23,7 +24,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.camera.uncertainty import HeightBelief
+from perception.camera.ground_fit import Optics
+from perception.camera.uncertainty import CameraBelief, mounted, with_camera_doubt
 from perception.lane.agreement import agreement, lane_columns, marginal, shifted, with_noise
 from perception.lane.detection.evenness import unevenness
 from perception.lane.lane_cv import LaneCv
@@ -38,6 +40,7 @@ from trepid.types import Array, Image
 
 EQUAL = 0.02  # difference of P
 SURE = 0.5  # probability of a lane whose width counts
+MATERIAL, SHIFTED = 0.2, 0.02  # share of the deviation, and of the camera, by which a new belief differs
 OTHER_LANE = "at other likely heights of the camera it is another lane"
 CHANGES = (with_noise, shifted)
 
@@ -53,21 +56,24 @@ class Sighting:
 
 
 class LaneOfUnknownCamera:
-    """Estimator "cv" without a camera file. Its state: a remembered lane per height, the belief in the height."""
+    """Estimator "cv" without a camera file. Its state: a remembered lane per height, the belief in the camera."""
 
     def __init__(self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle) -> None:
-        """``camera``: a self-calibrated one, whose height is the median of the belief."""
-        self._settings, self._camera, self._vehicle = settings, camera, vehicle
-        self._limits = settings.unknown_camera
-        self.belief = HeightBelief(camera.height_m, settings.self_calibration.height_sigma)
+        """``camera``: a self-calibrated one, with the medians of the belief."""
+        self._settings, self._assumed, self._vehicle = settings, camera, vehicle
+        self._limits, priors = settings.unknown_camera, settings.self_calibration
+        self._prior = CameraBelief(camera.height_m, priors.height_sigma, camera.fx_px, priors.focal_sigma)
+        self._width: float | None = None  # of a lane [heights of the camera]
+        self._optics: Optics | None = None
+        self.belief, self.camera = self._prior, camera
         self._widths: list[float] | None = []  # between two lines [heights of the camera]; None: judged
         self._begin()
 
     def _begin(self) -> None:
         """Search at the heights of the belief, without a remembered lane."""
-        self._heights_m = self.belief.hypotheses_m
+        self._heights_m = self.belief.heights_m
         self._finders = [
-            LaneCv(self._settings, self._camera.model_copy(update={"height_m": height_m}), self._vehicle)
+            LaneCv(self._settings, self.camera.model_copy(update={"height_m": height_m}), self._vehicle)
             for height_m in self._heights_m
         ]
         self._sightings: list[Sighting] = []
@@ -87,8 +93,9 @@ class LaneOfUnknownCamera:
         estimate = replace(
             estimate, confidence=self._steadiness * probability, ahead_sigma_m=self._ahead_sigma_m()
         )
+        known_height = replace(self.belief, height_sigma=0.0)  # the lanes at other heights are in the scatter
         self._judge_height(lane)
-        return estimate
+        return with_camera_doubt(estimate, known_height)
 
     def _first(self, frame: Frame, state: VehicleState | None, now_s: float) -> float:
         """Searches at all heights, and twice more in changed images at the best one; the probability there."""
@@ -173,20 +180,48 @@ class LaneOfUnknownCamera:
 
     def _judge_height(self, lane: Sighting) -> None:
         """Narrows the belief once the lane between two lines has been seen often enough."""
-        estimate, prior = lane.estimate, self._settings.prior
+        estimate = lane.estimate
         sure = lane.probability > SURE and estimate.marked and estimate.lanes_detected == 2
         if self._widths is None or not sure or estimate.lane_width_m is None:
             return
         self._widths.append(estimate.lane_width_m / self._heights_m[self._chosen])
         if len(self._widths) < self._limits.width_looks:
             return
-        belief = self.belief.given_width(
-            float(np.median(self._widths)), width_m=prior.width_m, width_sigma_m=prior.width_sigma_m
-        )
-        narrower = belief != self.belief
+        self._width = float(np.median(self._widths))
+        narrower = self._given_width(self.belief) != self.belief
         self._widths = None if narrower else []
-        if narrower:
-            self.belief = belief
+        self._narrow()
+
+    def measured(self, optics: Optics) -> None:
+        """Narrows the belief by all odometry so far."""
+        self._optics = optics
+        self._narrow()
+
+    def _given_width(self, belief: CameraBelief) -> CameraBelief:
+        prior = self._settings.prior
+        if self._width is None:
+            return belief
+        return belief.given_width(self._width, width_m=prior.width_m, width_sigma_m=prior.width_sigma_m)
+
+    def _narrow(self) -> None:
+        """The belief by width and odometry; the search begins anew where the camera is clearly another one.
+
+        A focal length from turns comes before the width, which may be that of another lane, and a way alone after
+        it.
+        """
+        optics = self._optics
+        if optics is None:
+            belief = self._given_width(self._prior)
+        elif optics.focal_px is not None:
+            belief = self._given_width(self._prior.given_optics(optics))
+        else:
+            by_width = self._given_width(self._prior)
+            belief = by_width.given_optics(optics)
+            optics = None if belief is by_width else optics
+        camera = mounted(self._assumed, belief, optics)
+        narrower = belief.height_sigma < (1 - MATERIAL) * self.belief.height_sigma
+        if narrower or _differ(self.camera, camera):
+            self.belief, self.camera = belief, camera
             self._begin()
 
 
@@ -194,3 +229,10 @@ def _places_m(estimate: SteeringEstimate) -> Array | None:
     """Lateral places [m] of the lane centre at SIGMA_AHEAD_M; None without a lane."""
     lane = Lane.of_message(estimate)
     return None if lane is None else np.array([lane.y_m(ahead_m) for ahead_m in SIGMA_AHEAD_M])
+
+
+def _differ(one: Camera, other: Camera) -> bool:
+    """Whether height, focal length or direction of two cameras differ by more than 2 %."""
+    lengths = np.log([one.height_m / other.height_m, one.fx_px / other.fx_px])
+    angles = one.pitch_down_rad - other.pitch_down_rad, one.yaw_rad - other.yaw_rad
+    return bool(np.abs([*lengths, *angles]).max() > SHIFTED)

@@ -15,6 +15,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from perception.camera.odometry import DriveOptics, Odometry
+from perception.camera.uncertainty import CameraBelief, with_camera_doubt
 from perception.lane.agreement import agreement, lane_columns
 from perception.lane.detection.evenness import unevenness
 from perception.lane.detection.marks import marks
@@ -62,10 +64,17 @@ class Kept:
 class WhichLane:
     """Estimator "cv" without a camera file. Its state: the search, the kept pairs, the side of the traffic."""
 
-    def __init__(self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle) -> None:
-        """``camera``: a self-calibrated one, whose height is the median of the belief."""
-        self._settings, self._camera, self._vehicle = settings, camera, vehicle
+    def __init__(
+        self,
+        settings: LaneCvSettings,
+        camera: Camera,
+        vehicle: Vehicle,
+        odometry: Odometry = Odometry.WAY_AND_TURN,
+    ) -> None:
+        """``camera``: a self-calibrated one, with the medians of the belief."""
+        self._settings, self._vehicle = settings, vehicle
         self._searched = LaneOfUnknownCamera(settings, camera, vehicle)
+        self._drive = DriveOptics(camera, odometry)
         self._kept: Kept | None = None
         self._traffic_log_odds = 0.0  # of left-hand traffic, learned
         self.looks: tuple[
@@ -82,22 +91,40 @@ class WhichLane:
         """The more probable lane of both finders, with its probability as confidence."""
         if unusable(frame.image):
             return self._searched.step(frame, state, now_s=now_s)
-        street = self._settings.street
+        street, motion = self._settings.street, Motion.of(state)
+        self._measure_camera(frame, motion)
         frame = replace(frame, image=lit(frame.image, day_grey=street.day_grey, max_gain=street.max_gain))
         searched = self._searched.step(frame, state, now_s=now_s)
-        return self._rated(searched, self._street(frame, Motion.of(state)), frame)
+        return self._rated(searched, self._street(frame, motion), frame)
+
+    @property
+    def camera(self) -> Camera:
+        """The camera as known so far."""
+        return self._searched.camera
+
+    @property
+    def belief(self) -> CameraBelief:
+        """What is known of the camera."""
+        return self._searched.belief
+
+    def _measure_camera(self, frame: Frame, motion: Motion) -> None:
+        """Narrows the belief by odometry; pairs kept in the metres of another camera are forgotten."""
+        found = self._drive.step(frame.image, frame.t_s, motion.speed_mps, motion.yaw_rate_radps)
+        if found is not None:
+            before = self.camera
+            self._searched.measured(found)
+            self._kept = self._kept if self.camera is before else None
 
     def _street(self, frame: Frame, motion: Motion) -> StreetLane | None:
         """The most probable pair of the street; updates what is kept."""
-        kept, belief = self._kept, self._searched.belief
+        kept, belief = self._kept, self.belief
         if kept is not None and not 0 < frame.t_s - kept.t_s < FORGET_S:
             kept = None
-        camera = self._camera.resized(frame.image.shape[1], frame.image.shape[0])
         lane = street_lane(
             frame.image,
-            camera.model_copy(update={"height_m": belief.median_m}),
+            self.camera.resized(frame.image.shape[1], frame.image.shape[0]),
             self._settings,
-            height_sigma=belief.sigma,
+            height_sigma=belief.height_sigma,
             on_left=self.on_left,
             near=kept.course if kept else None,
             before=moved(kept, motion, frame.t_s) if kept else (),
@@ -156,11 +183,8 @@ class WhichLane:
             scaled(lane.fit.state, pair.height), lane.camera, self._settings, self._vehicle,
             t_s=t_s, confidence=0.0, lanes_detected=seen, reason="", marked=marked,
         )  # fmt: skip
-        return replace(
-            metres,
-            left_boundary_px=estimate.left_boundary_px,
-            right_boundary_px=estimate.right_boundary_px,
-        )
+        drawn = {name: getattr(estimate, name) for name in ("left_boundary_px", "right_boundary_px")}
+        return replace(with_camera_doubt(metres, self.belief), **drawn)
 
 
 def lit(image: Image, *, day_grey: float, max_gain: float) -> Image:

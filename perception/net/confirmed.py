@@ -8,16 +8,17 @@ measures the boundaries at any height and is right with the probability c, the c
     P = p·c·a
 
 with the probability p of the network and the agreement a of the boundaries of both lanes; it is 0 without a lane of
-the witness. The witness processes every frame, so that its lane is that of ``cv``.
+the witness. The witness processes every frame, so that its lane is that of ``cv``. The camera that it measures
+while driving is that of the network too.
 """
 
 from dataclasses import replace
 
+from perception.camera.uncertainty import with_camera_doubt
 from perception.images.outline import outlined
 from perception.lane.agreement import apart
 from perception.lane.which_lane import WhichLane
 from perception.net.steer_net import SteerNet
-from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 
@@ -28,21 +29,26 @@ UNCONFIRMED = "lines and kerbs in the image do not confirm the lane of the netwo
 class ConfirmedNet:
     """Estimator ``cnn`` for a self-calibrated camera. Its state is that of the witness."""
 
-    def __init__(self, network: SteerNet, witness: WhichLane, camera: Camera, vehicle: Vehicle) -> None:
-        """All for the same ``camera`` and ``vehicle``."""
-        self._network, self._witness = network, witness
-        self._camera, self._vehicle = camera, vehicle
+    def __init__(self, network: SteerNet, witness: WhichLane, vehicle: Vehicle) -> None:
+        """Both for the same camera and ``vehicle``."""
+        self._network, self._witness, self._vehicle = network, witness, vehicle
+        self._camera = witness.camera
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane of the network, with the confidence that the image confirms."""
-        found = self._network.step(frame, state, now_s=now_s)
         seen = self._witness.step(frame, state, now_s=now_s)
+        if self._witness.camera is not self._camera:
+            self._camera = self._witness.camera
+            self._network = self._network.through(self._camera)
+        found = self._network.step(frame, state, now_s=now_s)
         if found.lateral_offset_m is None:
             return found
-        share = apart(outlined(found, self._camera, self._vehicle), seen, frame.image.shape[0])
+        found = outlined(found, self._camera, self._vehicle)
+        share = apart(found, seen, frame.image.shape[0])
         confidence = found.confidence * seen.confidence * agreed(share)
         reason = UNCONFIRMED if confidence < found.confidence / 2 else ""
-        return replace(found, confidence=confidence, reason=reason)
+        found = replace(found, confidence=confidence, reason=reason)
+        return with_camera_doubt(found, self._witness.belief)
 
 
 def agreed(share: float | None) -> float:

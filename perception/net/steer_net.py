@@ -7,6 +7,7 @@ the training set, that the error of the road-wheel angle is below ``tolerance_ra
 """
 
 import math
+from copy import copy
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -168,6 +169,12 @@ class SteerNet:
         self._record = load_record(weights, Record)
         self._view = CanonicalView(camera, self._record.camera)
         self._shape = (camera.height_px, camera.width_px, 3)
+
+    def through(self, camera: Camera) -> "SteerNet":
+        """The same network for another camera of images of the same size."""
+        twin = copy(self)
+        twin._view = CanonicalView(camera, self._record.camera)
+        return twin
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane in ``frame``, or the reason for its absence. Stateless."""

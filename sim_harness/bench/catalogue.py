@@ -45,6 +45,10 @@ BENCHMARKS = {
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),
     "seeds": Benchmark("seeds", "scores with known seeds and with fresh ones"),
     "perception": Benchmark("perception.bench", "every estimator on rendered clips"),
+    "unknown-camera": Benchmark(
+        "perception.unknown_camera",
+        "how soon a drive measures the height, the lens and the direction of a camera without a file",
+    ),
     "real": Benchmark(
         "real.bench", "estimators and the supervisor on every real drive, beside trivial baselines"
     ),

@@ -66,12 +66,13 @@ class GivenMotion:
     speed_mps_at: Callable[[float], float]
     yaw_radps_at: Callable[[float], float] | None
     top_mps: float
+    logged: bool  # measured by the car
 
 
 def given_motion(speed_mps: float | None, log: Path | None) -> GivenMotion | None:
     """The motion of --speed or --speeds; None without either. Raises InputError."""
     if log is None:
-        return None if speed_mps is None else GivenMotion(lambda _: speed_mps, None, speed_mps)
+        return None if speed_mps is None else GivenMotion(lambda _: speed_mps, None, speed_mps, logged=False)
     if speed_mps is not None:
         raise InputError("give --speed or --speeds, not both")
     t_s, speeds_mps = read_log(log)
@@ -80,6 +81,7 @@ def given_motion(speed_mps: float | None, log: Path | None) -> GivenMotion | Non
         _logged(t_s, speeds_mps),
         None if yaws is None else _logged(t_s, np.array(yaws)),
         float(speeds_mps.max()),
+        logged=True,
     )
 
 
@@ -197,7 +199,7 @@ def _states(
         cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps * vehicle.scale
         note(f"{source.path}: no --speed given: {cruise_mps:g} m/s assumed")
         return Given(camera, vehicle, lambda _: cruise_mps), None
-    states_at = Given(camera, vehicle, given.speed_mps_at, given.yaw_radps_at)
+    states_at = Given(camera, vehicle, given.speed_mps_at, given.yaw_radps_at, logged=given.logged)
     return states_at, given.top_mps if given.top_mps > 0 else None
 
 

@@ -12,12 +12,14 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import cv2
 import numpy as np
 
 import supervisor.supervisor
 from perception.camera.image_statistics import ImageStatistician
+from perception.camera.odometry import Odometry
 from perception.estimators import ESTIMATORS, entry_of, name_of
 from perception.images.outline import outlined
 from perception.lead.finder import LeadFinder
@@ -32,8 +34,16 @@ from trepid.types import Array, Image
 YAW_WIDTH_PX = 640  # the yaw rate is measured in images of at most this width
 SMOOTH_S = 0.2  # the yaw rate is the mean over this time
 STANDING_MPS = 0.1  # below, the yaw rate is 0
-StateOf = Callable[[Frame], VehicleState]
-"""The state of the vehicle at the capture of a frame."""
+
+
+class StateOf(Protocol):
+    """The state of the vehicle at the capture of a frame."""
+
+    odometry: Odometry
+
+    def __call__(self, frame: Frame) -> VehicleState:
+        """The state at ``frame``."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +76,8 @@ class Onlooker:
         """
         self._camera, self._vehicle, self._state_of = camera, vehicle, state_of
         self._estimators = {
-            name_of(name): entry_of(name).build(camera, vehicle, assumed=assumed) for name in names
+            name_of(name): entry_of(name).build(camera, vehicle, assumed=assumed, odometry=state_of.odometry)
+            for name in names
         }
         self._finder, self._statistician = finder, ImageStatistician()
         self._supervisor = supervisor.supervisor.build(cruise_speed_mps=cruise_speed_mps)
@@ -84,6 +95,8 @@ class Onlooker:
 
 class Recorded:
     """The recorded state at a frame: the newest one up to its capture."""
+
+    odometry = Odometry.WAY_AND_TURN
 
     def __init__(self, states: Sequence[VehicleState]) -> None:
         """At least one of ``states``, in order of time."""
@@ -103,8 +116,15 @@ class Given:
         vehicle: Vehicle,
         speed_mps_at: Callable[[float], float],
         yaw_radps_at: Callable[[float], float] | None = None,
+        *,
+        logged: bool = False,
     ) -> None:
-        """Both functions take the time since the first frame [s]; NaN: unknown."""
+        """Both functions take the time since the first frame [s]; NaN: unknown.
+
+        ``logged``: the speed is measured, and so is a yaw rate that is given.
+        """
+        measured = Odometry.WAY if yaw_radps_at is None else Odometry.WAY_AND_TURN
+        self.odometry = measured if logged else Odometry.NONE
         width_px = min(camera.width_px, YAW_WIDTH_PX)
         self._camera = camera.resized(width_px, round(camera.height_px * width_px / camera.width_px))
         self._vehicle, self._speed_mps_at, self._yaw_radps_at = vehicle, speed_mps_at, yaw_radps_at

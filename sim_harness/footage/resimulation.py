@@ -22,6 +22,7 @@ import controller.controller
 import controller.limiter
 import supervisor.supervisor
 from perception.camera.image_statistics import ImageStatistician
+from perception.camera.odometry import Odometry
 from perception.estimators import Estimator, entry_of, name_of
 from sim_harness.footage.clip import Drive
 from sim_harness.footage.reprojection import Reprojection, Shift
@@ -124,7 +125,11 @@ def resimulate(
             f"{drive.name}: {len(drive.frames)} frames last {drive.t_s[-1]:.1f} s: at least"
             f" {run_up_s + LEAST_S:.1f} s expected, with a run-up of {run_up_s:.1f} s"
         )
-    built = {name_of(n): entry_of(n).build(drive.camera, vehicle, assumed=assumed) for n in estimators}
+    # Odometry would measure another camera than that of the simulated world, which is that of the drive.
+    built = {
+        name_of(name): entry_of(name).build(drive.camera, vehicle, assumed=assumed, odometry=Odometry.NONE)
+        for name in estimators
+    }
     return _Loop(drive, vehicle, start, built, run_up_s).run()
 
 

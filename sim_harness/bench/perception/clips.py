@@ -111,7 +111,7 @@ def moments(
     if gap_m is None:
         bend_m = sum(segment.length_m for segment in road.settings.segments[:3])
         start_m = float(rng.uniform(8.0, min(bend_m, 120.0)))
-    course = _Course(road, speed_mps, start_m, rng)
+    course = Course(road, speed_mps, start_m, rng)
     disturbances = _disturbances(case, start_m)
     if case.condition == DisturbanceKind.LOW_SUN:
         azimuth = road.heading_at(start_m) + float(rng.normal(0, 0.3))
@@ -133,7 +133,7 @@ def _disturbances(case: Case, start_m: float) -> tuple[Disturbance, ...]:
     return (Disturbance(kind=kind, grade=case.grade),)
 
 
-class _Course:
+class Course:
     """A vehicle that weaves about the middle of its lane: e(s) = a·sin(2π·s/λ + φ)."""
 
     def __init__(self, road: Road, speed_mps: float, start_m: float, rng: np.random.Generator) -> None:
@@ -178,7 +178,7 @@ class _Course:
 
 
 def _moment(
-    course: _Course,
+    course: Course,
     image: Image,
     oracle: Oracle,
     t_s: float,

@@ -53,7 +53,7 @@ def _look(number: int, rng: np.random.Generator) -> Look:
     else:
         kind = str(rng.choice(list(StreetKind)))
         street = random_street(StreetKind(kind), rng, from_m=station_m)
-    camera = _camera(rng)
+    camera = random_camera(rng)
     offset_m, heading_rad = (float(rng.normal(0, s)) for s in (OFFSET_SIGMA_M, HEADING_SIGMA_RAD))
     x_m, y_m = street.road.position(station_m, offset_m)
     yaw_rad = street.road.heading_at(station_m) + heading_rad
@@ -85,7 +85,8 @@ def with_lamps(image: Image, camera: Camera, rng: np.random.Generator) -> Image:
     return np.round(image + light * (255.0 - image)).astype(np.uint8)
 
 
-def _camera(rng: np.random.Generator) -> Camera:
+def random_camera(rng: np.random.Generator) -> Camera:
+    """A camera behind a windscreen, of which its images are all that is known."""
     focal_px = WIDTH_PX * FOCAL * float(np.exp(rng.normal(0, FOCAL_SIGMA)))
     return Camera(
         width_px=WIDTH_PX,

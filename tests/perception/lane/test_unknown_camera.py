@@ -1,7 +1,10 @@
+import math
+
 import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, WHITE, look, ribbon, road
 
+from perception.camera.ground_fit import Optics
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import entry_of
 from perception.lane.lane_cv import LaneCv
@@ -94,9 +97,62 @@ def test_the_height_is_known_to_five_per_cent_after_seconds_between_two_lines(he
     finder = LaneOfUnknownCamera(SETTINGS, self_calibrated(images[:9], SETTINGS.self_calibration), VEHICLE)
     for number, image in enumerate(images):
         seen = seen_by(finder, image, t_s=0.04 * number)
-    assert finder.belief.median_m == pytest.approx(height_m, rel=0.05)
-    assert finder.belief.sigma < SETTINGS.self_calibration.height_sigma / 2
+    assert finder.belief.height_m == pytest.approx(height_m, rel=0.05)
+    assert finder.belief.height_sigma < SETTINGS.self_calibration.height_sigma / 2
     assert seen.confidence > 0.6 and seen.lane_width_m == pytest.approx(3.4, rel=0.1)
+
+
+def optics_of(camera, assumed, *, turned=True):
+    """What an exact drive measures of ``camera``."""
+    return Optics(
+        focal_height_pxm=camera.fx_px * camera.height_m,
+        focal_height_sigma=0.005,
+        focal_px=camera.fx_px if turned else None,
+        focal_sigma=0.01 if turned else math.inf,
+        horizon_px=assumed.horizon_row_px - camera.horizon_row_px,
+        aside_px=0.0,
+    )
+
+
+def test_odometry_makes_a_lane_of_unusual_height_and_lens_sure_and_right():
+    camera = DASHCAM.model_copy(update={"height_m": 1.9, "fx_px": 240.0, "fy_px": 240.0})
+    image = road(STRAIGHT, camera=camera)
+    finder = unknown(image)
+    before = seen_by(finder, image)
+    finder.measured(optics_of(camera, finder.camera))
+    after = seen_by(finder, image, t_s=0.04)
+    assert finder.belief.height_m == pytest.approx(1.9, rel=0.03) and finder.camera.fx_px == pytest.approx(
+        240, rel=0.03
+    )
+    assert after.confidence > before.confidence + 0.1
+    assert after.lane_width_m == pytest.approx(3.4, rel=0.05)
+    assert after.lateral_offset_m == pytest.approx(0.1, abs=0.06)
+
+
+def test_a_wrong_width_does_not_overrule_odometry_with_turns():
+    camera = DASHCAM.model_copy(update={"height_m": 1.9})
+    finder = unknown(road(STRAIGHT, camera=camera))
+    finder._width = 3.4 / 1.0  # of two half lanes, taken for a lane
+    finder.measured(optics_of(camera, finder.camera))
+    assert finder.belief.height_m == pytest.approx(1.9, rel=0.04)
+
+
+def test_a_way_that_contradicts_the_width_is_not_used():
+    camera = DASHCAM.model_copy(update={"height_m": 1.3})
+    finder = unknown(road(STRAIGHT, camera=camera))
+    finder._width = 3.4 / 1.3
+    lying = camera.model_copy(update={"height_m": 2.1})  # at a speed 1.6 times too high
+    finder.measured(optics_of(lying, finder.camera, turned=False))
+    assert finder.belief.height_m == pytest.approx(1.3, rel=0.02)
+
+
+def test_the_search_goes_on_unless_the_camera_is_clearly_another_one():
+    image = road(STRAIGHT, camera=DASHCAM)
+    finder = unknown(image)
+    finder.measured(optics_of(DASHCAM, finder.camera))
+    finders = finder._finders
+    finder.measured(optics_of(DASHCAM, finder.camera))
+    assert finder._finders is finders
 
 
 def test_a_lane_is_followed_through_a_clip_and_lost_in_the_dark():

@@ -6,6 +6,7 @@ import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
 
 from perception.camera.self_calibration import self_calibrated
+from perception.camera.uncertainty import CameraBelief
 from perception.estimators import entry_of
 from perception.images.outline import outlined
 from perception.lane.agreement import apart
@@ -20,8 +21,12 @@ NOTHING = SteeringEstimate.nothing(0.0, estimator="cnn", lookahead_m=8.0, reason
 class Says:
     """An estimator that always answers the same."""
 
-    def __init__(self, answer):
-        self.answer = answer
+    def __init__(self, answer, camera=CAMERA):
+        self.answer, self.camera = answer, camera
+        self.belief = CameraBelief(camera.height_m, 0.2, camera.fx_px, 0.15)
+
+    def through(self, camera):
+        return Says(self.answer, camera)
 
     def step(self, frame, state, *, now_s):
         return self.answer
@@ -43,7 +48,7 @@ def drawn(offset_m=0.0, confidence=0.8):
 
 
 def confirmed(network, witness):
-    return ConfirmedNet(Says(network), Says(witness), CAMERA, VEHICLE).step(FRAME, None, now_s=0.0)
+    return ConfirmedNet(Says(network), Says(witness), VEHICLE).step(FRAME, None, now_s=0.0)
 
 
 def test_the_lane_that_the_witness_has_too_is_as_sure_as_both_are():
@@ -64,6 +69,23 @@ def test_without_a_lane_of_the_witness_the_network_has_no_confidence():
 
 def test_where_the_network_has_no_lane_there_is_none():
     assert confirmed(NOTHING, drawn()) == NOTHING
+
+
+def test_the_network_looks_through_the_camera_that_the_witness_has_measured():
+    network, witness = Says(lane()), Says(drawn())
+    both = ConfirmedNet(network, witness, VEHICLE)
+    both.step(FRAME, None, now_s=0.0)
+    assert both._network is network
+    witness.camera = CAMERA.model_copy(update={"height_m": 1.2 * CAMERA.height_m})
+    found = both.step(FRAME, None, now_s=0.04)
+    assert both._network.camera is witness.camera
+    assert found.left_boundary_px == outlined(lane(), witness.camera, VEHICLE).left_boundary_px
+
+
+def test_the_doubt_of_the_camera_is_part_of_that_of_the_lane():
+    known = replace(lane(0.5), ahead_sigma_m=(0.1,) * 6)
+    found = confirmed(known, drawn(0.5))
+    assert found.ahead_sigma_m[0] == pytest.approx(math.hypot(0.1, 0.5 * 0.2))
 
 
 def test_the_confidence_falls_with_the_distance_of_the_boundaries():

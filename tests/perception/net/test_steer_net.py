@@ -156,6 +156,18 @@ def test_a_lane_that_is_too_narrow_for_the_car_is_none_unless_the_camera_is_assu
     assert set(measurements(refused)) == {None} and "m wide" in refused.reason
 
 
+def test_through_another_camera_it_is_the_network_of_that_camera():
+    road = load_road("circuit")
+    image = Renderer(road, CAMERA, seed=0).render(
+        *road.position(30.0, 0.0), road.heading_at(30.0), t_s=0.0, station_m=30.0
+    )
+    other = CAMERA.model_copy(update=dict(height_m=1.1 * CAMERA.height_m, fx_px=0.95 * CAMERA.fx_px))
+    network = SteerNet(SETTINGS, CAMERA, VEHICLE)
+    before = step(network, image)
+    assert step(network.through(other), image) == step(SteerNet(SETTINGS, other, VEHICLE), image) != before
+    assert step(network, image) == before
+
+
 def test_widths_of_lanes_have_to_increase():
     with pytest.raises(ValueError, match="four increasing widths"):
         SteerNetSettings.model_validate(SETTINGS.model_dump() | {"lane_width_m": [2.0, 3.0, 3.0, 4.0]})

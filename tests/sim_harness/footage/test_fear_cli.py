@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from recorded_rig import recorded
 
+from perception.camera.odometry import Odometry
 from perception.cli import estimate
 from sim_harness.footage.fear_cli import given_motion
 from sim_harness.footage.fear_picture import with_lanes
@@ -147,6 +148,24 @@ def test_a_log_gives_speeds_and_yaw_rates_between_its_rows(tmp_path):
     assert motion.speed_mps_at(0.5) == pytest.approx(5.0)
     assert motion.yaw_radps_at(0.5) == pytest.approx(0.1)
     assert motion.top_mps == 6.0
+
+
+@pytest.mark.parametrize(
+    ("header", "odometry"),
+    [("t_s,speed_mps,yaw_rate_radps", Odometry.WAY_AND_TURN), ("t_s,speed_mps", Odometry.WAY)],
+)
+def test_a_log_measures_the_camera_by_what_it_contains(tmp_path, header, odometry):
+    """A yaw rate that is measured in the images says nothing about their lens."""
+    log = tmp_path / "log.csv"
+    log.write_text(f"{header}\n10,4,0.0\n11,6,0.2\n")
+    motion = given_motion(None, log)
+    states = Given(CAMERA, VEHICLE, motion.speed_mps_at, motion.yaw_radps_at, logged=motion.logged)
+    assert states.odometry is odometry
+
+
+def test_a_constant_speed_measures_no_camera():
+    motion = given_motion(8.0, None)
+    assert Given(CAMERA, VEHICLE, motion.speed_mps_at, logged=motion.logged).odometry is Odometry.NONE
 
 
 @pytest.mark.parametrize(("at_s", "known"), [(0.35, True), (1.1, False), (5.6, True), (600.0, False)])
