@@ -4,7 +4,7 @@ Both are log-normal: the belief is a normal distribution of (ln h, ln f). Each p
 one sum of the two, and the belief after it the product of two normal densities (a Kalman update):
 
 - the width of a lane between two lines, in heights of the camera: ln h, since lanes are W ± σ_W wide,
-- the motion of the ground in the image over a known way: ln h + ln f,
+- dashes of known length, and the motion of the ground in the image over a known way: ln h + ln f,
 - the motion of the image over a known turn: ln f
 
 (:mod:`perception.camera.ground_fit` measures the last two). Evidence further from the belief than ``MAX_SURPRISE``
@@ -26,6 +26,7 @@ from trepid.types import Array
 
 QUARTERS = (-1.150, -0.319, 0.319, 1.150)  # medians of the quarters of a normal distribution
 MAX_SURPRISE, MAX_SURPRISE_AFTER_TURN = 2.0, 3.0  # standard deviations of evidence from the belief
+DASH_SIGMA = 0.08  # of f·h by dashes; half a degree of the horizon shifts it by as much
 WAY_SIGMA, TURN_SIGMA = 0.03, 0.025  # of f·h and of f by odometry, from drive to drive
 
 
@@ -61,6 +62,10 @@ class CameraBelief:
     def given_width(self, width_heights: float, *, width_m: float, width_sigma_m: float) -> "CameraBelief":
         """The belief after a lane between two lines, ``width_heights`` heights of the camera wide."""
         return self._given((1, 0), math.log(width_m / width_heights), width_sigma_m / width_m, MAX_SURPRISE)
+
+    def given_dashes(self, focal_height_pxm: float) -> "CameraBelief":
+        """The belief after a line with dashes of known length, whose period in the image gives f·h."""
+        return self._given((1, 1), math.log(focal_height_pxm), DASH_SIGMA, MAX_SURPRISE)
 
     def given_optics(self, optics: Optics) -> "CameraBelief":
         """The belief after odometry against the motion of the ground.

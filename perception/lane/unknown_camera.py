@@ -15,8 +15,8 @@ surface: a lane whose far half is not the surface right ahead is improbable
 two lanes (:func:`perception.lane.model.lane_in_road.one_lane_probability`). The confidence is P times the
 steadiness, the agreement with the lane in a slightly changed image.
 
-In a clip the widths between two lines narrow the belief in the height, once, and odometry that in height and focal
-length (:mod:`perception.camera.odometry`); the search goes on around them.
+In a clip the widths between two lines, dashes of known length and odometry narrow the belief in height and focal
+length (:mod:`perception.camera.evidence`); the search goes on around them.
 """
 
 import math
@@ -24,9 +24,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from perception.camera.evidence import CameraEvidence
 from perception.camera.ground_fit import Optics
-from perception.camera.uncertainty import CameraBelief, mounted, with_camera_doubt
+from perception.camera.uncertainty import CameraBelief, with_camera_doubt
 from perception.lane.agreement import agreement, lane_columns, marginal, shifted, with_noise
+from perception.lane.detection.dashes import dash_period
 from perception.lane.detection.evenness import unevenness
 from perception.lane.lane_cv import LaneCv
 from perception.lane.model.lane_in_road import one_lane_probability
@@ -60,13 +62,17 @@ class LaneOfUnknownCamera:
 
     def __init__(self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle) -> None:
         """``camera``: a self-calibrated one, with the medians of the belief."""
-        self._settings, self._assumed, self._vehicle = settings, camera, vehicle
-        self._limits, priors = settings.unknown_camera, settings.self_calibration
-        self._prior = CameraBelief(camera.height_m, priors.height_sigma, camera.fx_px, priors.focal_sigma)
-        self._width: float | None = None  # of a lane [heights of the camera]
-        self._optics: Optics | None = None
-        self.belief, self.camera = self._prior, camera
-        self._widths: list[float] | None = []  # between two lines [heights of the camera]; None: judged
+        self._settings, self._vehicle, self._limits = settings, vehicle, settings.unknown_camera
+        priors, lanes = settings.self_calibration, settings.prior
+        self.camera = camera
+        self.belief = CameraBelief(camera.height_m, priors.height_sigma, camera.fx_px, priors.focal_sigma)
+        self._evidence = CameraEvidence(
+            camera,
+            self.belief,
+            width_m=lanes.width_m,
+            width_sigma_m=lanes.width_sigma_m,
+            looks=self._limits.width_looks,
+        )
         self._begin()
 
     def _begin(self) -> None:
@@ -94,7 +100,7 @@ class LaneOfUnknownCamera:
             estimate, confidence=self._steadiness * probability, ahead_sigma_m=self._ahead_sigma_m()
         )
         known_height = replace(self.belief, height_sigma=0.0)  # the lanes at other heights are in the scatter
-        self._judge_height(lane)
+        self._judge_camera(lane, frame.image)
         return with_camera_doubt(estimate, known_height)
 
     def _first(self, frame: Frame, state: VehicleState | None, now_s: float) -> float:
@@ -178,47 +184,29 @@ class LaneOfUnknownCamera:
                 variance, total = variance + weight * np.square(other_m - place_m), total + weight
         return tuple(np.sqrt(np.square(own.ahead_sigma_m) + variance / total).tolist())
 
-    def _judge_height(self, lane: Sighting) -> None:
-        """Narrows the belief once the lane between two lines has been seen often enough."""
-        estimate = lane.estimate
+    def _judge_camera(self, lane: Sighting, image: Image) -> None:
+        """Adds the lane between two lines, and its dashes where their length is known, to the evidence."""
+        estimate, evidence = lane.estimate, self._evidence
         sure = lane.probability > SURE and estimate.marked and estimate.lanes_detected == 2
-        if self._widths is None or not sure or estimate.lane_width_m is None:
+        if not sure or estimate.lane_width_m is None:
             return
-        self._widths.append(estimate.lane_width_m / self._heights_m[self._chosen])
-        if len(self._widths) < self._limits.width_looks:
-            return
-        self._width = float(np.median(self._widths))
-        narrower = self._given_width(self.belief) != self.belief
-        self._widths = None if narrower else []
-        self._narrow()
+        news = evidence.add_width(estimate.lane_width_m / self._heights_m[self._chosen])
+        period_m = self._vehicle.dash_period_m
+        if period_m is not None and evidence.awaits_dashes:
+            for path in (estimate.left_boundary_px, estimate.right_boundary_px):
+                if (period := dash_period(image, path, self.camera.horizon_row_px)) is not None:
+                    news |= evidence.add_dashes(period_m / period)
+        if news:
+            self._search_anew()
 
     def measured(self, optics: Optics) -> None:
-        """Narrows the belief by all odometry so far."""
-        self._optics = optics
-        self._narrow()
+        """Adds all odometry so far to the evidence."""
+        if self._evidence.add_optics(optics):
+            self._search_anew()
 
-    def _given_width(self, belief: CameraBelief) -> CameraBelief:
-        prior = self._settings.prior
-        if self._width is None:
-            return belief
-        return belief.given_width(self._width, width_m=prior.width_m, width_sigma_m=prior.width_sigma_m)
-
-    def _narrow(self) -> None:
-        """The belief by width and odometry; the search begins anew where the camera is clearly another one.
-
-        A focal length from turns comes before the width, which may be that of another lane, and a way alone after
-        it.
-        """
-        optics = self._optics
-        if optics is None:
-            belief = self._given_width(self._prior)
-        elif optics.focal_px is not None:
-            belief = self._given_width(self._prior.given_optics(optics))
-        else:
-            by_width = self._given_width(self._prior)
-            belief = by_width.given_optics(optics)
-            optics = None if belief is by_width else optics
-        camera = mounted(self._assumed, belief, optics)
+    def _search_anew(self) -> None:
+        """The search begins anew where the evidence shows clearly another camera."""
+        belief, camera = self._evidence.belief, self._evidence.camera
         narrower = belief.height_sigma < (1 - MATERIAL) * self.belief.height_sigma
         if narrower or _differ(self.camera, camera):
             self.belief, self.camera = belief, camera

@@ -129,21 +129,18 @@ def test_odometry_makes_a_lane_of_unusual_height_and_lens_sure_and_right():
     assert after.lateral_offset_m == pytest.approx(0.1, abs=0.06)
 
 
-def test_a_wrong_width_does_not_overrule_odometry_with_turns():
-    camera = DASHCAM.model_copy(update={"height_m": 1.9})
-    finder = unknown(road(STRAIGHT, camera=camera))
-    finder._width = 3.4 / 1.0  # of two half lanes, taken for a lane
-    finder.measured(optics_of(camera, finder.camera))
-    assert finder.belief.height_m == pytest.approx(1.9, rel=0.04)
-
-
-def test_a_way_that_contradicts_the_width_is_not_used():
-    camera = DASHCAM.model_copy(update={"height_m": 1.3})
-    finder = unknown(road(STRAIGHT, camera=camera))
-    finder._width = 3.4 / 1.3
-    lying = camera.model_copy(update={"height_m": 2.1})  # at a speed 1.6 times too high
-    finder.measured(optics_of(lying, finder.camera, turned=False))
-    assert finder.belief.height_m == pytest.approx(1.3, rel=0.02)
+def test_dashes_of_known_length_narrow_the_product_of_height_and_focal_length():
+    camera = DASHCAM.model_copy(update={"height_m": 1.5, "fx_px": 320.0, "fy_px": 320.0})
+    images = [road(STRAIGHT, camera=camera, dashed=True, seed=number) for number in range(60)]
+    products = []
+    for period_m in (None, 9.0):
+        vehicle = VEHICLE.model_copy(update={"dash_period_m": period_m})
+        finder = LaneOfUnknownCamera(SETTINGS, assumed(images[0]), vehicle)
+        for number, image in enumerate(images):
+            seen_by(finder, image, t_s=0.04 * number)
+        products.append(finder.belief.height_m * finder.belief.focal_px)
+    without, known = np.abs(np.log(np.array(products) / (1.5 * 320.0)))
+    assert known < 0.7 * without and known < 0.1
 
 
 def test_the_search_goes_on_unless_the_camera_is_clearly_another_one():
