@@ -4,6 +4,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +15,7 @@ from perception.camera.chessboard import Intrinsics, intrinsics
 from perception.camera.drive_clip import steps_of
 from perception.camera.height import Step
 from perception.camera.straight_drive import Mounting, mounting
+from perception.camera.winding_drive import Driven, camera_by_driving, recorded_frames
 from perception.images.sources import Clip, Still, sources
 from trepid.car.camera import Camera
 from trepid.commands.car_option import Car
@@ -26,6 +28,7 @@ MIN_WIDTH_PX, MAX_WIDTH_PX = 64, 8192
 MAX_BOARDS = 60  # of a video
 SAME_RATIO = 0.01  # tolerance of width over height
 LENS_REPORT = ("boards", "left_out", "reprojection_px", "focal_doubt", "cover")
+DRIVE_REPORT = ("pairs", "focal_doubt", "height_doubt")
 MOUNTING_REPORT = ("frames", "sway_rad", "height_from", "height_doubt")
 app = typer.Typer(no_args_is_help=True)
 
@@ -46,6 +49,13 @@ def calibrate(
         Path | None,
         typer.Option(
             help="Video, folder or recording (.mcap) of driving straight in a lane, for the mounting."
+        ),
+    ] = None,
+    drive: Annotated[
+        Path | None,
+        typer.Option(
+            help="Recording (.mcap) of an ordinary drive with bends, for the mounting, and for the focal length"
+            " without a chessboard."
         ),
     ] = None,
     lane_width: Annotated[
@@ -77,9 +87,14 @@ def calibrate(
     car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
 ) -> None:
-    """Measure a camera: lens and focal length from a chessboard, pitch, yaw and height from driving straight."""
-    if not boards and straight is None:
-        raise InputError("expected images of a chessboard, or --straight with a clip of driving straight")
+    """Measure a camera: lens and focal length from a chessboard, pitch, yaw and height from driving."""
+    if not boards and straight is None and drive is None:
+        raise InputError(
+            "expected images of a chessboard, --straight with a clip of driving straight, or --drive with a"
+            " recording"
+        )
+    if straight is not None and drive is not None:
+        raise InputError("give --straight or --drive, not both")
     if straight is None and (lane_width is not None or speed is not None):
         name = "--speed" if lane_width is None else "--lane-width"
         raise InputError(f"{name}: is of the drive of --straight, which is missing")
@@ -87,6 +102,10 @@ def calibrate(
     mount = _mount(rotate, mirror)
     start = load(camera, Camera)
     measured, notes, report = _measured(start, boards, corners, straight, mount, speed, lane_width)
+    if drive is not None:
+        found = _driven(measured, drive, mount, lens_known=bool(boards))
+        measured, notes["drive"] = found.camera, _drive_note(found)
+        report["drive"] = {name: getattr(found, name) for name in DRIVE_REPORT}
     if width is not None:
         measured = measured.resized(width, round(measured.height_px * width / measured.width_px))
     text = camera_yaml(measured, notes)
@@ -134,6 +153,16 @@ def _measured(
         measured = measured.model_copy(update=_fields(found, ("pitch_down_rad", "yaw_rad", "height_m")))
         notes["extrinsics"], report["extrinsics"] = _mounting_note(found), _fields(found, MOUNTING_REPORT)
     return measured, notes, report
+
+
+def _driven(camera: Camera, path: Path, mount: Mount, *, lens_known: bool) -> Driven:
+    """``camera`` as the recorded drive measures it."""
+    frames = (one._replace(image=mount.upright(one.image)) for one in recorded_frames(path))
+    first = next(frames, None)
+    if first is None:
+        raise InputError(f"{path}: no camera frames in this recording")
+    start = _same_lens(camera, first.image, path)
+    return camera_by_driving(chain([first], frames), start, path, lens_known=lens_known)
 
 
 def _fields(measured: Intrinsics | Mounting, names: tuple[str, ...]) -> dict[str, Any]:
@@ -210,6 +239,14 @@ def _mounting_note(found: Mounting) -> str:
     return (
         f"mounting: {found.frames} frames of driving straight,"
         f" heading within {math.degrees(found.sway_rad):.1f}°; height from {found.height_from}{doubt}"
+    )
+
+
+def _drive_note(found: Driven) -> str:
+    lens = "" if found.focal_doubt is None else f"; focal length within {100 * found.focal_doubt:.1f} %"
+    return (
+        f"drive: {found.pairs} pairs of frames{lens}; height within {100 * found.height_doubt:.1f} %;"
+        " distortion not measured"
     )
 
 

@@ -26,7 +26,7 @@ MAX_WIDTH_PX = 480  # wider images are reduced
 MIN_SPEED_MPS = 1.0
 MIN_WAY_M, MAX_PAUSE_S = 0.15, 0.5  # between the frames of a pair; between two frames
 MIN_CORNERS = 12  # of a pair
-MAX_PAIRS, MAX_STRAIGHT = 150, 75  # in all; of those without a turn
+MAX_PAIRS = 150
 JUDGED_EVERY = 25  # pairs
 MAX_SHIFTS = 0.1, 0.01  # of ln f·h and of the horizon [f], by which the corners were warped wrongly
 MAX_RESTARTS = 2  # for that; a hilly road never has one horizon
@@ -56,11 +56,20 @@ class _Last:
 
 
 class DriveOptics:
-    """Measures one camera from the frames of a drive, until 150 pairs of frames are known."""
+    """Measures one camera from the frames of a drive, until enough pairs of frames are known."""
 
-    def __init__(self, camera: Camera, odometry: Odometry = Odometry.WAY_AND_TURN) -> None:
-        """``camera``: first values of focal length and mounting. Without odometry nothing is measured."""
-        self._odometry = odometry
+    def __init__(
+        self,
+        camera: Camera,
+        odometry: Odometry = Odometry.WAY_AND_TURN,
+        *,
+        pairs: int = MAX_PAIRS,
+    ) -> None:
+        """``camera``: first values of focal length and mounting. Without odometry nothing is measured.
+
+        ``pairs``: as many are enough, and half of them without a turn.
+        """
+        self._odometry, self._enough = odometry, pairs
         self._shape = camera.height_px, camera.width_px
         self._scale = min(1.0, MAX_WIDTH_PX / camera.width_px)
         self._size_px = round(camera.width_px * self._scale), round(camera.height_px * self._scale)
@@ -74,7 +83,12 @@ class DriveOptics:
     @property
     def complete(self) -> bool:
         """Whether further frames add nothing."""
-        return len(self._pairs) >= MAX_PAIRS
+        return len(self._pairs) >= self._enough
+
+    @property
+    def pairs(self) -> int:
+        """The number of pairs of frames."""
+        return len(self._pairs)
 
     def step(
         self, image: Image, t_s: float, speed_mps: float | None, yaw_rate_radps: float | None
@@ -99,12 +113,12 @@ class DriveOptics:
             self._last = last
             return None
         self._last = fresh
-        return self._judged() if self._add(last, small) and len(self._pairs) % JUDGED_EVERY == 0 else None
+        return self.measured() if self._add(last, small) and self.pairs % JUDGED_EVERY == 0 else None
 
     def _add(self, last: _Last, image: Image) -> bool:
         """Whether a pair of frames is a new one."""
         straight = sum(1 for one in self._pairs if not turning(one.turn_rad, one.dt_s))
-        if straight >= MAX_STRAIGHT and not turning(last.turn_rad, last.since_s):
+        if straight >= self._enough // 2 and not turning(last.turn_rad, last.since_s):
             return False
         pair = tracked(last.image, image, self._ground, last.way_m, last.turn_rad, last.since_s)
         if len(pair.before_px) < MIN_CORNERS:
@@ -112,9 +126,9 @@ class DriveOptics:
         self._pairs.append(pair)
         return True
 
-    def _judged(self) -> Optics | None:
+    def measured(self) -> Optics | None:
         """The camera by all pairs, in pixels of its images; the next corners are tracked from there."""
-        found = optics(self._pairs, self._ground.focal_px)
+        found = optics(self._pairs, self._ground.focal_px) if self._pairs else None
         if found is None:
             return None
         before, focal_px = self._ground, found.focal_px or self._ground.focal_px

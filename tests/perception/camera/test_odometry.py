@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from perception.camera.odometry import MAX_PAIRS, MAX_STRAIGHT, DriveOptics, Odometry
+from perception.camera.odometry import MAX_PAIRS, DriveOptics, Odometry
 from sim_harness.bench.perception.unknown_camera import Moment, unknown_drive
 
 SEED, NUMBER = 7, 2  # double yellow line
@@ -94,7 +94,7 @@ def test_the_number_of_pairs_is_bounded():
     forth_and_on = [one for _ in range(3) for one in moments]
     steady = [one._replace(t_s=0.05 * number) for number, one in enumerate(forth_and_on)]
     measured(optics, steady)
-    assert optics.complete and len(optics._pairs) == MAX_PAIRS
+    assert optics.complete and optics.pairs == MAX_PAIRS
     straight = DriveOptics(assumed(), Odometry.WAY)
     measured(straight, steady)
-    assert len(straight._pairs) == MAX_STRAIGHT
+    assert straight.pairs == MAX_PAIRS // 2
