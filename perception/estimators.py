@@ -68,7 +68,7 @@ class Entry:
     # takes its place where it is not made for a camera and vehicle of their own world. Raises InputError
     misfit: Callable[[Camera, Vehicle], Unfit | None] | None = None
     # for a self-calibrated camera; None: `construct` takes it as if it were known
-    construct_assumed: Callable[[Camera, Vehicle, Odometry], Estimator] | None = None
+    construct_assumed: Callable[[Camera, Vehicle, WhichLane], Estimator] | None = None
 
     def build(
         self,
@@ -76,26 +76,48 @@ class Entry:
         vehicle: Vehicle,
         *,
         assumed: bool = False,
-        odometry: Odometry = Odometry.WAY_AND_TURN,
+        finder: WhichLane | None = None,
     ) -> Estimator:
         """The estimator for ``camera`` on ``vehicle``, in the scale of its lanes.
 
-        ``assumed``: the camera is self-calibrated, so its height is a guess, which ``odometry`` in the vehicle
-        states narrows.
+        ``assumed``: the camera is self-calibrated, so its height is a guess. ``finder``: the lane finder of an
+        assumed camera that other estimators of the same frames use too; by default one of its own, which measures
+        no camera by odometry.
         One that is not made for them estimates nothing and gives the reason. Raises InputError.
         """
         if self.misfit is not None and (unfit := self.misfit(camera, vehicle)):
             return unfit
-        if vehicle.scale == 1.0:
-            return self._constructed(camera, vehicle, assumed, odometry)
-        eye = scaled_settings(camera, 1 / vehicle.scale)
-        estimator = self._constructed(eye, vehicle.in_reference_world, assumed, odometry)
-        return ScaledEstimator(estimator, vehicle.scale)
-
-    def _constructed(self, camera: Camera, vehicle: Vehicle, assumed: bool, odometry: Odometry) -> Estimator:
+        eye, reference = _in_reference_world(camera, vehicle)
         if assumed and self.construct_assumed:
-            return self.construct_assumed(camera, vehicle, odometry)
-        return self.construct(camera, vehicle)
+            finder = finder or lane_finder(camera, vehicle, Odometry.NONE)
+            estimator = self.construct_assumed(eye, reference, finder)
+        else:
+            estimator = self.construct(eye, reference)
+        return estimator if vehicle.scale == 1.0 else ScaledEstimator(estimator, vehicle.scale)
+
+
+def _in_reference_world(camera: Camera, vehicle: Vehicle) -> tuple[Camera, Vehicle]:
+    """Both, enlarged to the reference world; the same at a scale of 1."""
+    return scaled_settings(camera, 1 / vehicle.scale), vehicle.in_reference_world
+
+
+def lane_finder(camera: Camera, vehicle: Vehicle, odometry: Odometry) -> WhichLane:
+    """The lane finder of a self-calibrated ``camera``, for :meth:`Entry.build`."""
+    return WhichLane(lane_cv_settings(), *_in_reference_world(camera, vehicle), odometry)
+
+
+def build_beside(
+    names: Iterable[str], camera: Camera, vehicle: Vehicle, *, assumed: bool, odometry: Odometry
+) -> dict[str, Estimator]:
+    """Estimators of the same frames, by name or by file of a driving network.
+
+    Those of an ``assumed`` camera share one lane finder, whose camera ``odometry`` in the vehicle states measures.
+    Raises InputError.
+    """
+    finder = lane_finder(camera, vehicle, odometry) if assumed else None
+    return {
+        name_of(name): entry_of(name).build(camera, vehicle, assumed=assumed, finder=finder) for name in names
+    }
 
 
 def lane_cv_settings() -> LaneCvSettings:
@@ -107,8 +129,8 @@ def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
     return LaneCv(lane_cv_settings(), camera, vehicle)
 
 
-def _lane_cv_assumed(camera: Camera, vehicle: Vehicle, odometry: Odometry) -> Estimator:
-    return WhichLane(lane_cv_settings(), camera, vehicle, odometry)
+def _lane_cv_assumed(camera: Camera, vehicle: Vehicle, finder: WhichLane) -> Estimator:
+    return finder
 
 
 def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
@@ -118,13 +140,13 @@ def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
     return SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
 
 
-def _steer_net_assumed(camera: Camera, vehicle: Vehicle, odometry: Odometry) -> Estimator:
+def _steer_net_assumed(camera: Camera, vehicle: Vehicle, finder: WhichLane) -> Estimator:
     from perception.net.confirmed import ConfirmedNet
     from perception.net.steer_net import SteerNet, SteerNetSettings
 
     settings = load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings)
     network = SteerNet(settings, camera, vehicle, assumed=True)
-    return ConfirmedNet(network, WhichLane(lane_cv_settings(), camera, vehicle, odometry), vehicle)
+    return ConfirmedNet(network, finder, vehicle)
 
 
 def _steer_net_misfit(camera: Camera, vehicle: Vehicle) -> Unfit | None:

@@ -75,6 +75,7 @@ class WhichLane:
         self._settings, self._vehicle = settings, vehicle
         self._searched = LaneOfUnknownCamera(settings, camera, vehicle)
         self._drive = DriveOptics(camera, odometry)
+        self._last: tuple[Frame, SteeringEstimate] | None = None
         self._kept: Kept | None = None
         self._traffic_log_odds = 0.0  # of left-hand traffic, learned
         self.looks: tuple[
@@ -88,7 +89,15 @@ class WhichLane:
         return known.get(self._vehicle.traffic, 1 / (1 + math.exp(-self._traffic_log_odds)))
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
-        """The more probable lane of both finders, with its probability as confidence."""
+        """The more probable lane of both finders, with its probability as confidence.
+
+        The same frame again has the same estimate, because several estimators may use one finder.
+        """
+        if self._last is None or self._last[0] is not frame:
+            self._last = frame, self._found(frame, state, now_s=now_s)
+        return self._last[1]
+
+    def _found(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         if unusable(frame.image):
             return self._searched.step(frame, state, now_s=now_s)
         street, motion = self._settings.street, Motion.of(state)

@@ -20,7 +20,7 @@ import numpy as np
 import supervisor.supervisor
 from perception.camera.image_statistics import ImageStatistician
 from perception.camera.odometry import Odometry
-from perception.estimators import ESTIMATORS, entry_of, name_of
+from perception.estimators import ESTIMATORS, build_beside
 from perception.images.outline import outlined
 from perception.lead.finder import LeadFinder
 from sim_harness.footage.clip import undistorted
@@ -75,10 +75,7 @@ class Onlooker:
         self-calibrated. Raises InputError.
         """
         self._camera, self._vehicle, self._state_of = camera, vehicle, state_of
-        self._estimators = {
-            name_of(name): entry_of(name).build(camera, vehicle, assumed=assumed, odometry=state_of.odometry)
-            for name in names
-        }
+        self._estimators = build_beside(names, camera, vehicle, assumed=assumed, odometry=state_of.odometry)
         self._finder, self._statistician = finder, ImageStatistician()
         self._supervisor = supervisor.supervisor.build(cruise_speed_mps=cruise_speed_mps)
 

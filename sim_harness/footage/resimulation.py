@@ -23,7 +23,7 @@ import controller.limiter
 import supervisor.supervisor
 from perception.camera.image_statistics import ImageStatistician
 from perception.camera.odometry import Odometry
-from perception.estimators import Estimator, entry_of, name_of
+from perception.estimators import Estimator, build_beside
 from sim_harness.footage.clip import Drive
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.lockstep.stack import Perception, Stack
@@ -126,10 +126,7 @@ def resimulate(
             f" {run_up_s + LEAST_S:.1f} s expected, with a run-up of {run_up_s:.1f} s"
         )
     # Odometry would measure another camera than that of the simulated world, which is that of the drive.
-    built = {
-        name_of(name): entry_of(name).build(drive.camera, vehicle, assumed=assumed, odometry=Odometry.NONE)
-        for name in estimators
-    }
+    built = build_beside(estimators, drive.camera, vehicle, assumed=assumed, odometry=Odometry.NONE)
     return _Loop(drive, vehicle, start, built, run_up_s).run()
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from perception.camera.odometry import Odometry
 from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
-from perception.estimators import entry_of, lane_cv_settings
+from perception.estimators import build_beside, lane_cv_settings
 from perception.images.sources import Clip, sources
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -48,9 +49,9 @@ def estimates(pictures: Iterator[Picture], names: Sequence[str]) -> Iterator[See
     for picture in pictures:
         if picture.drive != drive:
             drive = picture.drive
-            runners = {
-                name: entry_of(name).build(picture.camera, vehicle, assumed=picture.assumed) for name in names
-            }
+            runners = build_beside(
+                names, picture.camera, vehicle, assumed=picture.assumed, odometry=Odometry.NONE
+            )
         frame, state = Frame(t_s=picture.t_s, image=picture.image), None
         if picture.speed_mps is not None:
             state = VehicleState(

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
 
+from perception.camera.odometry import Odometry
 from perception.camera.self_calibration import self_calibrated
-from perception.estimators import entry_of
+from perception.estimators import build_beside, entry_of
 from perception.lane.model.geometry import WIDTH, E
 from perception.lane.model.prediction import Motion
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair
@@ -18,8 +19,12 @@ DASHCAM = CAMERA.model_copy(
 STRAIGHT = (0.1, 0.0, 0.0, 0.0)
 
 
+def assumed(image):
+    return self_calibrated([image], SETTINGS.self_calibration)
+
+
 def unknown(image, vehicle=VEHICLE):
-    return WhichLane(SETTINGS, self_calibrated([image], SETTINGS.self_calibration), vehicle)
+    return WhichLane(SETTINGS, assumed(image), vehicle)
 
 
 def seen_by(finder, image, t_s=0.0):
@@ -71,3 +76,33 @@ def test_a_lane_of_a_higher_camera_is_wider_and_bends_less():
     larger = scaled(state, 1.5)
     assert larger.mean[WIDTH] == pytest.approx(1.5 * state.mean[WIDTH])
     assert larger.covariance[E, E] == pytest.approx(2.25 * state.covariance[E, E])
+
+
+def test_estimators_of_an_assumed_camera_share_their_lane_finder_and_estimate_as_alone():
+    images = [road(STRAIGHT, camera=DASHCAM, seed=number) for number in range(3)]
+    camera = assumed(images[0])
+    frames = [Frame(t_s=0.04 * number, image=image) for number, image in enumerate(images)]
+    alone = {name: entry_of(name).build(camera, VEHICLE, assumed=True) for name in ("cnn", "cv")}
+    beside = build_beside(alone, camera, VEHICLE, assumed=True, odometry=Odometry.NONE)
+    assert beside["cnn"]._witness is beside["cv"]
+    for frame in frames:
+        for name, one in alone.items():
+            assert beside[name].step(frame, None, now_s=0.0) == one.step(frame, None, now_s=0.0)
+
+
+def test_the_same_frame_again_has_the_same_estimate():
+    image = road(STRAIGHT, camera=DASHCAM)
+    finder, frame = WhichLane(SETTINGS, assumed(image), VEHICLE), Frame(t_s=0.0, image=image)
+    first = finder.step(frame, None, now_s=0.0)
+    assert finder.step(frame, None, now_s=0.1) is first
+    assert finder.step(Frame(t_s=0.04, image=image), None, now_s=0.1) is not first
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.1])
+def test_a_small_car_with_an_assumed_camera_has_a_lane_of_its_own_size(scale):
+    vehicle = VEHICLE.model_copy(update={"lane_width_m": 3.3 * scale})
+    image = road(STRAIGHT, camera=DASHCAM, width_m=3.3)
+    camera = assumed(image).model_copy(update={"height_m": 1.3 * scale, "x_m": 1.7 * scale})
+    built = build_beside(["cv"], camera, vehicle, assumed=True, odometry=Odometry.NONE)
+    seen = built["cv"].step(Frame(t_s=0.0, image=image), None, now_s=0.0)
+    assert seen.lane_width_m == pytest.approx(3.3 * scale, rel=0.15)
