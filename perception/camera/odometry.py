@@ -99,7 +99,7 @@ class DriveOptics:
         if self._odometry is Odometry.WAY:
             yaw_rate_radps = None
         last, self._last = self._last, None
-        if speed_mps is None or speed_mps < MIN_SPEED_MPS:
+        if speed_mps is None or not speed_mps >= MIN_SPEED_MPS:
             return None
         small = grey(image)
         if self._scale < 1:

@@ -49,7 +49,7 @@ def street_view(settings: LaneCvSettings, camera: Camera) -> StreetView | None:
 
 def horizon_of(camera: Camera) -> float:
     """Row of the horizon straight ahead, in widths of the image."""
-    return (camera.cy_px - camera.fy_px * float(np.tan(camera.pitch_down_rad))) / camera.width_px
+    return camera.horizon_row_px / camera.width_px
 
 
 def street_lane(

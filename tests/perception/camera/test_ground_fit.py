@@ -116,3 +116,24 @@ def test_an_enlarged_image_has_enlarged_pixels_and_the_same_deviations():
 @pytest.mark.parametrize(("turn_rad", "known"), [(None, False), (0.0, False), (0.002, True), (-0.002, True)])
 def test_a_turn_counts_from_a_yaw_rate_on(turn_rad, known):
     assert turning(turn_rad, DT_S) is known
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_arbitrary_corners_give_finite_values_or_none(seed):
+    rng, pairs = np.random.default_rng(seed), []
+    for _ in range(rng.integers(1, 8)):
+        before = np.column_stack([rng.uniform(-200, 200, 15), rng.uniform(1, 200, 15)])
+        if seed % 3 == 0:
+            before[:] = before[0]
+        moved = (
+            rng.uniform(-300, 300, (15, 2)),
+            before + rng.normal(0, 30, (15, 2)),
+            before * rng.uniform(0.5, 2),
+        )
+        turn_rad = None if rng.random() < 0.2 else float(rng.normal(0, 0.3))
+        pairs.append(Moved(before, moved[rng.integers(3)], float(rng.uniform(0.1, 3)), turn_rad, DT_S))
+    found = optics(pairs, float(rng.uniform(50, 800)))
+    if found is not None:
+        values = [found.focal_height_pxm, found.focal_height_sigma, found.horizon_px, found.aside_px]
+        assert np.isfinite(values).all() and found.focal_height_pxm > 0
+        assert found.focal_px is None or (np.isfinite(found.focal_sigma) and found.focal_px > 0)
