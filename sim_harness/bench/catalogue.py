@@ -52,6 +52,10 @@ BENCHMARKS = {
     "real": Benchmark(
         "real.bench", "estimators and the supervisor on every real drive, beside trivial baselines"
     ),
+    "resimulation": Benchmark(
+        "real.resimulation",
+        "the supervised car in closed loop on footage of real drives and foreign simulators",
+    ),
     "imitation": Benchmark(
         "imitation.bench",
         "networks that learn from drives: on unseen simulated roads, alone, on the last fifth of real drives",

@@ -41,6 +41,7 @@ class Drive:
     t_s: Array  # from 0 on
     speed_mps: Array
     camera: Camera  # without distortion
+    given_yaw_radps: Array | None = None  # + = to the left; None: measured in the images
 
     @property
     def station_m(self) -> Array:
@@ -49,10 +50,12 @@ class Drive:
 
     @cached_property
     def yaw_rates_radps(self) -> Array:
-        """Yaw rate of the recorded car at each frame, + = to the left, from the images (visual_yaw).
+        """Yaw rate of the recorded car at each frame, + = to the left, given or from the images (visual_yaw).
 
         Raises InputError when too few corners can be tracked.
         """
+        if self.given_yaw_radps is not None:
+            return self.given_yaw_radps
         dt_s = np.diff(self.t_s)
         rates = yaw_changes_rad(self.frames, self.camera, np.diff(self.station_m)) / dt_s
         known = np.isfinite(rates)

@@ -5,6 +5,7 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,16 @@ from trepid.types import Image
 MPS_PER_MPH = 0.44704
 FULL_LOCK_RAD = np.radians(25.0)  # of both steering logs, by the MANIFESTs
 HALF_WORLD = 0.467  # lengths of config/cameras/udacity_sim_half.yaml over those of the simulator
-STRETCHES, LENGTH = 12, 40  # of a long drive: this many frames in a row, spread over it
+
+
+class Stretches(NamedTuple):
+    """The parts of a long drive that are looked at, spread evenly over it."""
+
+    number: int = 12
+    frames: int = 40  # in a row
+
+
+STRETCHES = Stretches()
 
 
 @dataclass(frozen=True)
@@ -100,7 +110,7 @@ class _Logged:
     speed_mps: float | None = None
 
 
-def udacity_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
+def udacity_drive(folder: Path, *, every: int = 1, parts: Stretches = STRETCHES) -> Iterator[Picture]:
     """Stretches of the simulator drive with the steering of its log, in a world of half its size."""
     camera = load(CONFIG_DIR / "cameras" / "udacity_sim_half.yaml", Camera)
     with (folder / "driving_log.csv").open(encoding="utf-8") as file:
@@ -114,10 +124,10 @@ def udacity_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
         )
         for number, row in enumerate(rows)
     ]
-    return _stretches("udacity", logged, every, camera)
+    return _stretches("udacity", logged, every, parts, camera)
 
 
-def donkey_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
+def donkey_drive(folder: Path, *, every: int = 1, parts: Stretches = STRETCHES) -> Iterator[Picture]:
     """Stretches of a donkeycar drive with the joystick's angle, with an unknown camera."""
     catalogs = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("catalog_?.catalog"))]
     rows = [json.loads(line) for catalog in catalogs for line in catalog.splitlines()]
@@ -128,31 +138,31 @@ def donkey_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
         )
         for row in rows
     ]
-    return _stretches("donkey", logged, every)
+    return _stretches("donkey", logged, every, parts)
 
 
-def cart_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
+def cart_drive(folder: Path, *, every: int = 1, parts: Stretches = STRETCHES) -> Iterator[Picture]:
     """Stretches of a cart's drive whose driving_log.csv names image, timestamp_ms and user_angle."""
     with (folder / "driving_log.csv").open(encoding="utf-8") as file:
         logged = [
             _Logged(folder / row["image"], float(row["timestamp_ms"]) / 1000, -float(row["user_angle"]))
             for row in csv.DictReader(file)
         ]
-    return _stretches("cart", logged, every)
+    return _stretches("cart", logged, every, parts)
 
 
 def _stretches(
-    name: str, rows: Sequence[_Logged], every: int, camera: Camera | None = None
+    name: str, rows: Sequence[_Logged], every: int, parts: Stretches, camera: Camera | None = None
 ) -> Iterator[Picture]:
-    """STRETCHES of LENGTH frames, every n-th of them; without ``camera`` calibrated on frames of the drive."""
+    """``parts`` of a drive, every n-th of them; without ``camera`` calibrated on frames of the drive."""
     known = camera
     if known is None:
         chosen = np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES).astype(int).tolist()
         sample = [read_image(rows[number].image) for number in chosen]
         known = self_calibrated(sample, lane_cv_settings().self_calibration)
-    starts = np.linspace(0, len(rows) - LENGTH, STRETCHES).astype(int).tolist()[::every]
+    starts = np.linspace(0, len(rows) - parts.frames, parts.number).astype(int).tolist()[::every]
     for drive, start in enumerate(starts):
-        for row in rows[start : start + LENGTH]:
+        for row in rows[start : start + parts.frames]:
             yield Picture(
                 f"{name} {drive}",
                 row.t_s,
