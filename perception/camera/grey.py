@@ -11,7 +11,9 @@ WORKING_WIDTH_PX = 320  # one scale for all cameras: statistics and self-calibra
 
 def grey(image: Image) -> Image:
     """``image`` (grey or BGR) in grey."""
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    if image.ndim == 2 or image.shape[2] == 1:
+        return image.reshape(image.shape[:2])
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def small_grey(image: NDArray[np.uint8]) -> Image:

@@ -12,6 +12,7 @@ by least squares with Cauchy weights, together with the errors of the horizon an
 change of pitch in each pair, x_c/h, and a constant error of the yaw rate.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -30,8 +31,10 @@ HORIZON_SIGMA, ASIDE_SIGMA = 0.04, 0.03  # of the horizon and of the direction o
 PITCHING_RAD = 0.0015  # of the change of pitch in a pair
 AHEAD, AHEAD_SIGMA = 1.3, 0.5  # x_c/h
 RATE_SIGMA_RADPS = 0.005  # of the error of the yaw rate
-TURNING_RADPS = 0.02  # yaw rate of a pair that measures the focal length
-LEAST_TURN_RAD = 0.02  # sum of |Δψ|: below, f is not measured
+TURNING_RADPS = 0.02  # yaw rate of a turning pair
+RATE_NOISE_RADPS = 0.005  # of a gyroscope; it shrinks f
+LEAST_ENERGY = 30.0  # ΣΔψ² of the pairs over that of the noise, from which f is measured
+MAX_FOCAL_CHANGE = 3 * FOCAL_SIGMA  # of ln f from the first value; further, the turns contradict the images
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,9 @@ class Optics:
     focal_px: float | None  # None where the drive turns too little
     focal_sigma: float  # of its logarithm; infinite without a value
     horizon_px: float  # rows by which the horizon lies above the assumed one
-    aside_px: float  # columns by which the direction of driving lies left of the assumed one
+    aside_px: (
+        float | None
+    )  # columns by which the direction of driving lies left of the middle; None as `focal_px`
 
     def enlarged(self, scale: float) -> "Optics":
         """For an image ``scale`` times as large."""
@@ -52,17 +57,20 @@ class Optics:
             focal_height_pxm=self.focal_height_pxm * scale,
             focal_px=None if self.focal_px is None else self.focal_px * scale,
             horizon_px=self.horizon_px * scale,
-            aside_px=self.aside_px * scale,
+            aside_px=None if self.aside_px is None else self.aside_px * scale,
         )
 
 
 def turning(turn_rad: float | None, dt_s: float) -> bool:
-    """Whether a turn in ``dt_s`` is enough to measure the focal length."""
+    """Whether the vehicle turns during ``dt_s``."""
     return turn_rad is not None and abs(turn_rad) > TURNING_RADPS * dt_s
 
 
 def optics(pairs: Sequence[Moved], focal_px: float) -> Optics | None:
-    """The camera by ``pairs`` of frames; ``focal_px`` is a first value. None where the ground does not move."""
+    """The camera by ``pairs`` of frames; ``focal_px`` is a first value.
+
+    None where the ground does not move, or where the turns contradict the images.
+    """
     pair = np.repeat(np.arange(len(pairs)), [len(one.before_px) for one in pairs])
     before = np.concatenate([one.before_px for one in pairs])
     after = np.concatenate([one.after_px for one in pairs])
@@ -71,7 +79,8 @@ def optics(pairs: Sequence[Moved], focal_px: float) -> Optics | None:
         for values in zip(*((one.way_m, one.turn_rad or 0.0, one.dt_s) for one in pairs), strict=True)
     )
     known = np.array([one.turn_rad is not None for one in pairs])[pair]
-    turns = sum(abs(one.turn_rad or 0.0) for one in pairs) > LEAST_TURN_RAD
+    energy = sum((one.turn_rad or 0.0) ** 2 for one in pairs)
+    turns = energy > LEAST_ENERGY * sum((RATE_NOISE_RADPS * one.dt_s) ** 2 for one in pairs)
     columns = _Columns(focal_px, np.inf, 0.0)
     rows = _rows(before[:, 1], _unturned(after, turn, columns), way, pair, focal_px)
     for _ in range(ALTERNATIONS if turns else 0):
@@ -79,7 +88,10 @@ def optics(pairs: Sequence[Moved], focal_px: float) -> Optics | None:
             return None
         below = _unturned(after, turn, columns) + rows.horizon_px
         moves = _Moves(before[:, 0], after[:, 0], below / (before[:, 1] + rows.horizon_px), below, turn, dt)
-        columns = _columns(moves.part(known), columns)
+        fitted = _columns(moves.part(known), columns)
+        if fitted is None or not abs(math.log(fitted.focal_px / focal_px)) < MAX_FOCAL_CHANGE:
+            return None
+        columns = fitted
         rows = _rows(before[:, 1], _unturned(after, turn, columns), way, pair, columns.focal_px)
     if rows is None:
         return None
@@ -89,7 +101,7 @@ def optics(pairs: Sequence[Moved], focal_px: float) -> Optics | None:
         columns.focal_px if turns else None,
         columns.focal_sigma_px / columns.focal_px,
         rows.horizon_px,
-        columns.aside_px,
+        columns.aside_px if turns else None,
     )
 
 
@@ -155,7 +167,7 @@ def _rows(before: Array, after: Array, way: Array, pair: NDArray[np.int64], foca
     return _Rows(growth, float(np.sqrt(np.linalg.inv(normal)[0, 0])), horizon_px) if growth > 0 else None
 
 
-def _columns(moves: _Moves, start: _Columns) -> _Columns:
+def _columns(moves: _Moves, start: _Columns) -> _Columns | None:
     """Fit of u″ − u·ρ = Δψ·(f + u″²/f) + v′·Δψ·x_c/h + a·(ρ − 1) + ε·dt with error a of the direction, and ε."""
     focal_px, turn = start.focal_px, moves.turn
     mean = np.array([focal_px, AHEAD, 0.0, 0.0])
@@ -167,5 +179,6 @@ def _columns(moves: _Moves, start: _Columns) -> _Columns:
         weight = 1 / (SHARP_PX**2 + residual**2)
         normal = (slopes * weight) @ slopes.T + np.diag(1 / sigma**2)
         found = found + np.linalg.solve(normal, (slopes * weight) @ residual - (found - mean) / sigma**2)
-    focal_px = max(float(found[0]), 1.0)
-    return _Columns(focal_px, float(np.sqrt(np.linalg.inv(normal)[0, 0])), float(found[2]))
+    if not found[0] > 0:
+        return None
+    return _Columns(float(found[0]), float(np.sqrt(np.linalg.inv(normal)[0, 0])), float(found[2]))

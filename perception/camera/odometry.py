@@ -10,6 +10,7 @@ import numpy as np
 from perception.camera.grey import grey
 from perception.camera.ground_fit import Optics, optics, turning
 from perception.camera.ground_flow import Ground, Moved, tracked
+from perception.camera.road_lines import pitch_and_yaw
 from trepid.car.camera import Camera
 from trepid.types import Image
 
@@ -134,10 +135,12 @@ class DriveOptics:
         before, focal_px = self._ground, found.focal_px or self._ground.focal_px
         raised_px = self._first_horizon_px - before.camera.horizon_row_px
         self._ground = replace(before, focal_px=focal_px, focal_height_pxm=found.focal_height_pxm)
-        shift = math.log(found.focal_height_pxm / before.focal_height_pxm), found.horizon_px / focal_px
+        camera = before.camera
+        shift = math.log(found.focal_height_pxm / before.focal_height_pxm), found.horizon_px / camera.fx_px
         if np.any(np.abs(shift) > MAX_SHIFTS) and self._restarts < MAX_RESTARTS:
             self._restarts += 1
-            turned = {"pitch_down_rad": before.camera.pitch_down_rad + math.atan(found.horizon_px / focal_px)}
-            self._ground = replace(self._ground, camera=before.camera.model_copy(update=turned))
+            lens = camera.model_copy(update={"fx_px": focal_px, "fy_px": focal_px})
+            turned = pitch_and_yaw(lens.cx_px, camera.horizon_row_px - found.horizon_px, lens)
+            self._ground = replace(self._ground, camera=lens.model_copy(update=turned))
             self._pairs.clear()
         return replace(found, horizon_px=found.horizon_px + raised_px).enlarged(1 / self._scale)

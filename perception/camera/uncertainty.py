@@ -25,7 +25,7 @@ from trepid.messages import SIGMA_AHEAD_M, SteeringEstimate
 from trepid.types import Array
 
 QUARTERS = (-1.150, -0.319, 0.319, 1.150)  # medians of the quarters of a normal distribution
-MAX_SURPRISE, MAX_SURPRISE_AFTER_TURN = 2.0, 3.0  # standard deviations of evidence from the belief
+MAX_SURPRISE, MAX_SURPRISE_OF_FOCAL = 2.0, 3.0  # standard deviations of evidence from the belief
 DASH_SIGMA = 0.08  # of f·h by dashes; half a degree of the horizon shifts it by as much
 WAY_SIGMA, TURN_SIGMA = 0.03, 0.025  # of f·h and of f by odometry, from drive to drive
 
@@ -70,17 +70,18 @@ class CameraBelief:
     def given_optics(self, optics: Optics) -> "CameraBelief":
         """The belief after odometry against the motion of the ground.
 
-        A way alone must agree as a width must: a wrong speed would pass for another height. Where the drive turned,
-        the focal length is measured too, and the height follows.
+        Where the drive turned, the focal length is measured, and from the way the height follows. Both must be
+        likely: a wrong speed would pass for another height.
         """
-        turned = optics.focal_px is not None
+        belief = self
+        if optics.focal_px is not None:
+            sigma = math.hypot(optics.focal_sigma, TURN_SIGMA)
+            belief = self._given((0, 1), math.log(optics.focal_px), sigma, MAX_SURPRISE_OF_FOCAL)
+            if belief is self:
+                return self
         sigma = math.hypot(optics.focal_height_sigma, WAY_SIGMA)
-        surprise = MAX_SURPRISE_AFTER_TURN if turned else MAX_SURPRISE
-        belief = self._given((1, 1), math.log(optics.focal_height_pxm), sigma, surprise)
-        if optics.focal_px is None or belief is self:
-            return belief
-        sigma = math.hypot(optics.focal_sigma, TURN_SIGMA)
-        return belief._given((0, 1), math.log(optics.focal_px), sigma, surprise)
+        after = belief._given((1, 1), math.log(optics.focal_height_pxm), sigma, MAX_SURPRISE)
+        return self if after is belief else after
 
     def _given(self, row: tuple[int, int], seen: float, sigma: float, surprise: float) -> "CameraBelief":
         """The belief after the measurement ``seen`` ± ``sigma`` of row·(ln h, ln f); this one after a surprise."""
@@ -109,8 +110,12 @@ def mounted(assumed: Camera, belief: CameraBelief, optics: Optics | None) -> Cam
     camera = assumed.model_copy(update=lens)
     if optics is None:
         return camera
-    u_px, v_px = assumed.cx_px - optics.aside_px, assumed.horizon_row_px - optics.horizon_px
-    return camera.model_copy(update=pitch_and_yaw(u_px, v_px, camera))
+    turned = pitch_and_yaw(
+        assumed.cx_px - (optics.aside_px or 0.0), assumed.horizon_row_px - optics.horizon_px, camera
+    )
+    if optics.aside_px is None:
+        del turned["yaw_rad"]
+    return camera.model_copy(update=turned)
 
 
 def with_camera_doubt(estimate: SteeringEstimate, belief: CameraBelief) -> SteeringEstimate:

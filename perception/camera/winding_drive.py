@@ -102,8 +102,12 @@ def camera_by_driving(
             "height_m": height_m,
         }
     )
-    vanishing_px = start.cx_px - found.aside_px, start.horizon_row_px - found.horizon_px
-    camera = lens.model_copy(update=pitch_and_yaw(*vanishing_px, lens))
+    turned = pitch_and_yaw(
+        start.cx_px - (found.aside_px or 0.0), start.horizon_row_px - found.horizon_px, lens
+    )
+    if found.aside_px is None:
+        del turned["yaw_rad"]
+    camera = lens.model_copy(update=turned)
     return Driven(camera, optics.pairs, focal_doubt, height_doubt)
 
 

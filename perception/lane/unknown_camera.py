@@ -42,7 +42,7 @@ from trepid.types import Array, Image
 
 EQUAL = 0.02  # difference of P
 SURE = 0.5  # probability of a lane whose width counts
-MATERIAL, SHIFTED = 0.2, 0.02  # share of the deviation, and of the camera, by which a new belief differs
+MATERIAL, SHIFTED = 0.2, 0.02  # of ln σ, and of the camera, by which a new belief differs
 OTHER_LANE = "at other likely heights of the camera it is another lane"
 CHANGES = (with_noise, shifted)
 
@@ -207,8 +207,8 @@ class LaneOfUnknownCamera:
     def _search_anew(self) -> None:
         """The search begins anew where the evidence shows clearly another camera."""
         belief, camera = self._evidence.belief, self._evidence.camera
-        narrower = belief.height_sigma < (1 - MATERIAL) * self.belief.height_sigma
-        if narrower or _differ(self.camera, camera):
+        change = math.log(belief.height_sigma / self.belief.height_sigma)
+        if abs(change) > MATERIAL or _differ(self.camera, camera):
             self.belief, self.camera = belief, camera
             self._begin()
 

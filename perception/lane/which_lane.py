@@ -100,10 +100,14 @@ class WhichLane:
     def _found(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         if unusable(frame.image):
             return self._searched.step(frame, state, now_s=now_s)
-        street, motion = self._settings.street, Motion.of(state)
-        self._measure_camera(frame, motion)
+        street, motion, before = self._settings.street, Motion.of(state), self.camera
+        found = self._drive.step(frame.image, frame.t_s, motion.speed_mps, motion.yaw_rate_radps)
+        if found is not None:
+            self._searched.measured(found)
         frame = replace(frame, image=lit(frame.image, day_grey=street.day_grey, max_gain=street.max_gain))
         searched = self._searched.step(frame, state, now_s=now_s)
+        if self.camera is not before:
+            self._kept = None  # its pairs are in the metres of another camera
         return self._rated(searched, self._street(frame, motion), frame)
 
     @property
@@ -115,14 +119,6 @@ class WhichLane:
     def belief(self) -> CameraBelief:
         """What is known of the camera."""
         return self._searched.belief
-
-    def _measure_camera(self, frame: Frame, motion: Motion) -> None:
-        """Narrows the belief by odometry; pairs kept in the metres of another camera are forgotten."""
-        found = self._drive.step(frame.image, frame.t_s, motion.speed_mps, motion.yaw_rate_radps)
-        if found is not None:
-            before = self.camera
-            self._searched.measured(found)
-            self._kept = self._kept if self.camera is before else None
 
     def _street(self, frame: Frame, motion: Motion) -> StreetLane | None:
         """The most probable pair of the street; updates what is kept."""

@@ -67,7 +67,9 @@ def bench(
     ] = "",
     data: Annotated[
         Path | None,
-        typer.Option(help="Benchmarks on data sets: their folder; default: TREPID_DATA, else ../shared/data."),
+        typer.Option(
+            help="Benchmarks on data sets: their folder; default: TREPID_DATA, else ../shared/data."
+        ),
     ] = None,
     sets: Annotated[
         str, typer.Option(help="real, imitation: folders of sets, separated by commas; default: all.")

@@ -10,10 +10,8 @@ from perception.camera.grey import grey
 from trepid.messages import PixelPath
 from trepid.types import Array, Image, Mask
 
-LINE, BESIDE = (
-    0.1,
-    (0.15, 0.3),
-)  # from its middle: a line, the road beside it; over the rows below the horizon
+LINE = 0.1  # distance of the edge of a line from its middle, over the rows below the horizon
+BESIDE = (0.15, 0.3)  # ... of the road beside it
 NEAR_HORIZON = 0.05  # of the width of the image: rows above show no single dashes
 LEAST_STEP = 20.0  # grey levels between paint and gaps
 STUD = 0.3  # of the length of the longest dash: shorter ones are reflectors
@@ -30,6 +28,11 @@ def dash_period(image: Image, path: PixelPath, horizon_px: float) -> float | Non
     if len(rows) < 3:
         return None
     paint = _paint(grey(image), rows, np.interp(rows, line[:, 1], line[:, 0]), rows - horizon_px)
+    shown = np.flatnonzero(np.isfinite(paint))
+    if len(shown) < 3:
+        return None
+    part = slice(shown[0], shown[-1] + 1)  # a line may leave the image at its side
+    rows, paint = rows[part], paint[part]
     smooth = np.median([paint[:-2], paint[1:-1], paint[2:]], axis=0)  # NaN beside NaN
     low, high = (np.nanmin(smooth), np.nanmax(smooth)) if np.isfinite(smooth).any() else (0.0, 0.0)
     if high - low < LEAST_STEP:

@@ -186,12 +186,13 @@ def bench_unknown_camera(seed: int, *, jobs: int = 1, data: Path | None = None) 
         drives = [one for _, found in results for one in found]
     rows = {odometry.value: [one for one in drives if one.odometry is odometry] for odometry in Odometry}
     tables: dict[str, Any] = {"odometry": {name: _scores(found) for name, found in rows.items()}}
-    if (folder := data_folder(data) / FOREIGN).is_dir():
-        tables["foreign_simulator"] = foreign_heights(folder)
+    folder = data_folder(data) / FOREIGN
+    if folder.is_dir() and (foreign := foreign_heights(folder)):
+        tables["foreign_simulator"] = foreign
     return tables
 
 
-def _scores(drives: list[Watched]) -> dict[str, float]:
+def _scores(drives: list[Watched]) -> dict[str, float | None]:
     height = np.array([[one.height for one in drive.seen] for drive in drives])
     end = [drive.seen[-1] for drive in drives]
     sigma = np.array([one.height_sigma for one in end])
@@ -207,7 +208,7 @@ def _scores(drives: list[Watched]) -> dict[str, float]:
         "focal_error_percent": 100 * float(np.median([abs(one.focal) for one in end])),
         "horizon_error_deg": math.degrees(float(np.median([abs(one.horizon_rad) for one in end]))),
         "yaw_error_deg": math.degrees(float(np.median([abs(one.yaw_rad) for one in end]))),
-        "lane_width_error_m": float(np.median(widths)),
+        "lane_width_error_m": float(np.median(widths)) if widths else None,
         "confidence": float(np.mean([drive.confidence for drive in drives])),
     }
 
@@ -226,6 +227,8 @@ def foreign_heights(folder: Path) -> dict[str, Any]:
         for start in range(0, len(logged) - STRETCH + 1, STRETCH)
         if (height_m := _height_m(logged[start : start + STRETCH])) is not None
     ]
+    if not heights:
+        return {}
     middle_m = float(np.median(heights))
     apart = np.abs(np.array(heights) / middle_m - 1)
     return {

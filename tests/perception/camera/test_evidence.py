@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -92,3 +93,35 @@ def test_the_order_of_evidence_does_not_matter():
     for _ in range(LOOKS):
         second.add_width(3.4 / 1.45)
     assert first.belief == second.belief and first.camera == second.camera
+
+
+def test_later_straight_driving_keeps_the_focal_length_that_turns_have_measured():
+    evidence = fresh()
+    evidence.add_optics(optics(1.6, 470.0))
+    before = evidence.belief
+    assert not evidence.add_optics(optics(1.3, turned=False))
+    assert evidence.belief == before and before.focal_px == pytest.approx(470.0, rel=0.01)
+
+
+def test_lanes_of_an_unlikely_width_make_a_height_by_odometry_uncertain():
+    evidence = fresh()
+    evidence.add_optics(optics(1.7))  # at a speed 1.4 times too high
+    assert evidence.belief.height_sigma < 0.06
+    assert [evidence.add_width(3.4 / 1.2) for _ in range(LOOKS)][-1]
+    assert evidence.belief.height_sigma == pytest.approx(math.log(1.7 / 1.2) / 2, rel=0.05)
+    assert [evidence.add_width(3.4 / 1.6) for _ in range(LOOKS)][-1]  # then a likely one
+    assert evidence.belief.height_sigma < 0.06
+
+
+def test_an_impossible_height_by_odometry_changes_no_median_but_the_certainty():
+    evidence = with_width(1.2)
+    before = evidence.belief
+    assert evidence.add_optics(optics(2.5))
+    assert evidence.belief.height_m == before.height_m and evidence.camera.height_m == before.height_m
+    assert evidence.belief.height_sigma == pytest.approx(math.log(2.5 / before.height_m) / 2, rel=0.01)
+
+
+def test_without_a_turn_the_assumed_direction_of_the_camera_stays():
+    evidence = fresh()
+    evidence.add_optics(replace(optics(1.4, turned=False), aside_px=None))
+    assert evidence.camera.yaw_rad == CAMERA.yaw_rad

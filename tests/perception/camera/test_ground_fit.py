@@ -95,9 +95,24 @@ def test_a_straight_drive_measures_no_focal_length(rates):
     assert found.focal_height_pxm == pytest.approx(F * H, rel=0.003)
 
 
-def test_an_unknown_turn_measures_no_focal_length():
-    pairs = [replace(one, turn_rad=None) for one in drive(np.zeros(30))]
-    assert optics(pairs, 380.0).focal_px is None
+def test_an_unknown_turn_measures_no_focal_length_and_no_direction():
+    known = optics(drive(), 380.0)
+    pairs = [replace(one, turn_rad=None) for one in drive()]
+    unknown = optics(pairs, 380.0)
+    assert known.focal_px is not None and known.aside_px is not None
+    assert unknown is None or (unknown.focal_px is None and unknown.aside_px is None)
+
+
+@pytest.mark.parametrize(("amplitude", "noise"), [(0.0, 0.005), (0.01, 0.005), (0.02, 0.01)])
+def test_the_noise_of_a_gyroscope_does_not_pass_for_turns(amplitude, noise):
+    rng, rates = np.random.default_rng(2), amplitude * np.sin(np.linspace(0, 3, 75))
+    noisy = [replace(one, turn_rad=one.turn_rad + rng.normal(0, noise * DT_S)) for one in drive(rates)]
+    assert optics(noisy, 380.0).focal_px is None
+
+
+def test_a_yaw_rate_of_the_wrong_sign_measures_nothing():
+    reversed_yaw = [replace(one, turn_rad=-one.turn_rad) for one in drive()]
+    assert optics(reversed_yaw, 380.0) is None
 
 
 def test_ground_that_comes_no_nearer_measures_nothing():
@@ -134,6 +149,7 @@ def test_arbitrary_corners_give_finite_values_or_none(seed):
         pairs.append(Moved(before, moved[rng.integers(3)], float(rng.uniform(0.1, 3)), turn_rad, DT_S))
     found = optics(pairs, float(rng.uniform(50, 800)))
     if found is not None:
-        values = [found.focal_height_pxm, found.focal_height_sigma, found.horizon_px, found.aside_px]
+        values = [found.focal_height_pxm, found.focal_height_sigma, found.horizon_px, found.aside_px or 0.0]
         assert np.isfinite(values).all() and found.focal_height_pxm > 0
+        assert (found.focal_px is None) == (found.aside_px is None)
         assert found.focal_px is None or (np.isfinite(found.focal_sigma) and found.focal_px > 0)

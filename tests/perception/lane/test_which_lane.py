@@ -11,7 +11,7 @@ from perception.lane.street.pairs import Boundary, BoundaryKind, Pair
 from perception.lane.street.profile import Course
 from perception.lane.which_lane import Kept, WhichLane, lit, moved, scaled
 from trepid.car.vehicle import Traffic
-from trepid.messages import Frame
+from trepid.messages import Frame, VehicleState
 
 DASHCAM = CAMERA.model_copy(
     update=dict(fx_px=288.0, fy_px=288.0, height_m=1.3, pitch_down_rad=0.0, cx_px=159.5, cy_px=119.5, x_m=1.7)
@@ -106,3 +106,14 @@ def test_a_small_car_with_an_assumed_camera_has_a_lane_of_its_own_size(scale):
     built = build_beside(["cv"], camera, vehicle, assumed=True, odometry=Odometry.NONE)
     seen = built["cv"].step(Frame(t_s=0.0, image=image), None, now_s=0.0)
     assert seen.lane_width_m == pytest.approx(3.3 * scale, rel=0.15)
+
+
+def test_an_image_with_one_channel_is_a_grey_one():
+    image = road(STRAIGHT, camera=DASHCAM)[:, :, 1]
+    state = VehicleState(
+        t_s=0.0, speed_mps=8.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+    )
+    flat, deep = (
+        unknown(image).step(Frame(t_s=0.0, image=one), state, now_s=0.0) for one in (image, image[..., None])
+    )
+    assert flat == deep and flat.lateral_offset_m is not None

@@ -81,3 +81,14 @@ def test_a_path_outside_the_image_or_above_the_horizon_has_no_period():
     assert dash_period(image, (), CAMERA.horizon_row_px) is None
     assert dash_period(image, ((-500.0, 230.0), (-400.0, 180.0)), CAMERA.horizon_row_px) is None
     assert dash_period(image, ((160.0, 60.0), (160.0, 20.0)), CAMERA.horizon_row_px) is None
+
+
+def test_a_line_that_leaves_the_image_at_its_side_ends_no_dash_there():
+    camera = CAMERA.resized(960, 720)
+    periods = []
+    for n in range(12):
+        image = dashed(9.0, 3.0, shift_m=0.75 * n, camera=camera)[:, 200:]
+        path = tuple((x - 200.0, y) for x, y in line(1.7, camera))
+        periods.append(dash_period(np.ascontiguousarray(image), path, camera.horizon_row_px))
+    known = [one * camera.fy_px * camera.height_m for one in periods if one is not None]
+    assert known and all(one == pytest.approx(9.0, rel=0.1) for one in known)
