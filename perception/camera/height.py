@@ -119,6 +119,6 @@ def _height_m(step: Step, camera: Camera) -> float | None:
     before, after = (undistorted(image, camera) for image in (step.image, step.following))
     ground = Ground(camera, camera.fx_px, camera.fx_px * camera.height_m)
     moved = tracked(before, after, ground, step.way_m, None, 0.0)
-    ways_h = camera.fx_px * (1 / moved.before_px[:, 1] - 1 / moved.after_px[:, 1])
+    ways_h = camera.fx_px * moved.nearer
     ways_h = ways_h[ways_h > 0]
     return step.way_m / float(np.median(ways_h)) if len(ways_h) >= MIN_CORNERS else None

@@ -110,12 +110,19 @@ def mounted(assumed: Camera, belief: CameraBelief, optics: Optics | None) -> Cam
     camera = assumed.model_copy(update=lens)
     if optics is None:
         return camera
-    turned = pitch_and_yaw(
-        assumed.cx_px - (optics.aside_px or 0.0), assumed.horizon_row_px - optics.horizon_px, camera
-    )
+    return turned_by(optics, camera, assumed)
+
+
+def turned_by(optics: Optics, lens: Camera, first: Camera) -> Camera:
+    """``lens`` towards the horizon and the direction that ``optics`` gives relative to the camera ``first``.
+
+    Without a direction the yaw stays.
+    """
+    place_px = first.cx_px - (optics.aside_px or 0.0), first.horizon_row_px - optics.horizon_px
+    turned = pitch_and_yaw(*place_px, lens)
     if optics.aside_px is None:
         del turned["yaw_rad"]
-    return camera.model_copy(update=turned)
+    return lens.model_copy(update=turned)
 
 
 def with_camera_doubt(estimate: SteeringEstimate, belief: CameraBelief) -> SteeringEstimate:

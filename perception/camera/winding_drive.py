@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from perception.camera.odometry import DriveOptics
-from perception.camera.road_lines import pitch_and_yaw, undistorted
-from perception.camera.uncertainty import TURN_SIGMA, WAY_SIGMA
+from perception.camera.road_lines import undistorted
+from perception.camera.uncertainty import TURN_SIGMA, WAY_SIGMA, turned_by
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import decoded_image
@@ -102,13 +102,7 @@ def camera_by_driving(
             "height_m": height_m,
         }
     )
-    turned = pitch_and_yaw(
-        start.cx_px - (found.aside_px or 0.0), start.horizon_row_px - found.horizon_px, lens
-    )
-    if found.aside_px is None:
-        del turned["yaw_rad"]
-    camera = lens.model_copy(update=turned)
-    return Driven(camera, optics.pairs, focal_doubt, height_doubt)
+    return Driven(turned_by(found, lens, start), optics.pairs, focal_doubt, height_doubt)
 
 
 def _check(path: Path, what: str, ratio: float, doubt: float) -> None:

@@ -41,8 +41,6 @@ def _speeds_mps(
         dt_s = float(t_s[first + 1] - t_s[first])
         before, after = grey(frames[first]), grey(frames[first + 1])
         moved = tracked(before, after, Ground(camera, camera.fx_px, fh), tried_mps * dt_s, None, dt_s)
-        ahead = moved.after_px[:, 1] > 0
-        ways = fh * (1 / moved.before_px[ahead, 1] - 1 / moved.after_px[ahead, 1])
-        speeds.append(ways / dt_s)
+        speeds.append(fh * moved.nearer[moved.after_px[:, 1] > 0] / dt_s)
     every = np.concatenate(speeds) if speeds else np.empty(0)
     return every[np.abs(every / tried_mps - 1) < NEAR]

@@ -8,10 +8,9 @@ but not its mounting, is measured on each stretch of a drive.
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +24,7 @@ from perception.lane.which_lane import WhichLane
 from sim_harness.bench.perception.clips import Course
 from sim_harness.bench.perception.looks import random_camera
 from sim_harness.bench.real.sets import data_folder
+from sim_harness.footage.clip import read_log
 from sim_harness.sweep.store import finished
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.drawn import Kind, random_section
@@ -46,7 +46,6 @@ START_M, SPARE_M = 10.0, 80.0
 SAME_SIDE = 0.3  # share of the bends to the side of the one before
 FOREIGN, STRETCH = "udacity_sim_track", 300  # the set; frames of a stretch
 FOREIGN_FOV_RAD = math.pi / 3  # of Unity's camera, vertical
-MPS_PER_MPH = 0.44704
 SPEED_ERROR, RATE_BIAS_RADPS, RATE_NOISE_RADPS = 0.01, 0.003, 0.005  # standard deviations
 
 
@@ -218,14 +217,14 @@ def foreign_heights(folder: Path) -> dict[str, Any]:
 
     Its true value is not known; that of one camera is the same on every stretch. The lens is Unity's default.
     """
-    with (folder / "driving_log.csv").open(encoding="utf-8") as file:
-        logged = [
-            _logged(folder / "IMG" / Path(row[0]).name, float(row[6])) for row in csv.reader(file) if row
-        ]
+    log = folder / "driving_log.csv"
+    with log.open(encoding="utf-8") as file:
+        names = [Path(row[0]).name for row in csv.reader(file)]
+    logged = list(zip(names, *(column.tolist() for column in read_log(log)), strict=True))
     heights = [
         height_m
         for start in range(0, len(logged) - STRETCH + 1, STRETCH)
-        if (height_m := _height_m(logged[start : start + STRETCH])) is not None
+        if (height_m := _height_m(folder / "IMG", logged[start : start + STRETCH])) is not None
     ]
     if not heights:
         return {}
@@ -240,21 +239,9 @@ def foreign_heights(folder: Path) -> dict[str, Any]:
     }
 
 
-class _Logged(NamedTuple):
-    file: Path
-    t_s: float
-    speed_mps: float
-
-
-def _logged(file: Path, speed_mph: float) -> _Logged:
-    """A frame called like center_2018_07_16_17_11_43_382.jpg: the time of its capture, to the millisecond."""
-    taken = datetime.strptime(f"{file.stem}000", "center_%Y_%m_%d_%H_%M_%S_%f")
-    return _Logged(file, taken.timestamp(), MPS_PER_MPH * speed_mph)
-
-
-def _height_m(stretch: list[_Logged]) -> float | None:
-    """The height by the frames of a stretch; None where too few pairs are known."""
-    images = [read_image(one.file) for one in stretch]
+def _height_m(folder: Path, stretch: Sequence[tuple[str, float, float]]) -> float | None:
+    """The height by a stretch of names of frames, times and speeds; None where too few pairs are known."""
+    images = [read_image(folder / name) for name, _, _ in stretch]
     spread = np.linspace(0, len(images) - 1, CALIBRATION_FRAMES).astype(int)
     assumed = self_calibrated([images[at] for at in spread], lane_cv_settings().self_calibration)
     focal_px = assumed.height_px / 2 / math.tan(FOREIGN_FOV_RAD / 2)

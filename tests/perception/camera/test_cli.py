@@ -112,6 +112,10 @@ def test_an_existing_file_is_kept_unless_forced(
         (["--straight", "{tmp}", "--speed", "nan"], "--speed: must be a number of at least 1"),
         (["--straight", "{tmp}/wide.png"], "64 x 16 px, but the camera file is for 320 x 240"),
         (["--straight", "{tmp}/bad.mcap"], "bad.mcap"),
+        (["--drive", "{tmp}/none.mcap"], "none.mcap"),
+        (["--drive", "{tmp}/empty.mcap"], "holds no"),
+        (["--drive", "{tmp}/empty.mcap", "--straight", "{tmp}"], "give --straight or --drive, not both"),
+        (["--drive", "{tmp}/empty.mcap", "--speed", "8"], "--speed: is of the drive of --straight"),
     ],
 )
 def test_bad_usage_gives_one_line(
@@ -123,6 +127,8 @@ def test_bad_usage_gives_one_line(
 ) -> None:
     cv2.imwrite(str(tmp_path / "wide.png"), np.zeros((16, 64, 3), np.uint8))
     (tmp_path / "bad.mcap").write_bytes(b"no recording")
+    with Recording(tmp_path / "empty.mcap"):
+        pass
     assert run(monkeypatch, *(word.format(tmp=tmp_path) for word in words)) == 2
     error = capsys.readouterr().err
     assert expected in error

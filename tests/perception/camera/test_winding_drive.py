@@ -124,26 +124,3 @@ def test_a_short_drive_is_refused() -> None:
 def test_a_camera_file_that_is_far_off_is_refused() -> None:
     with pytest.raises(InputError, match=r"the height would be 0\.\d times that of the camera file"):
         camera_by_driving(frames(), start(1.0, height_m=4.0), Path("drive"), lens_known=True)
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["--drive", "{tmp}/none.mcap"], "none.mcap"),
-        (["--drive", "{tmp}/empty.mcap"], "holds no"),
-        (["--drive", "{tmp}/empty.mcap", "--straight", "{tmp}"], "give --straight or --drive, not both"),
-        (["--drive", "{tmp}/empty.mcap", "--speed", "8"], "--speed: is of the drive of --straight"),
-    ],
-)
-def test_bad_input_gets_one_line(
-    words: list[str],
-    expected: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    with Recording(tmp_path / "empty.mcap"):
-        pass
-    assert calibrate(monkeypatch, *(word.format(tmp=tmp_path) for word in words)) == 2
-    error = capsys.readouterr().err
-    assert expected in error and len(error.splitlines()) == 1

@@ -8,6 +8,7 @@ import pytest
 from perception.camera.odometry import Odometry
 from sim_harness.bench.perception import unknown_camera
 from sim_harness.bench.perception.unknown_camera import Seen, Watched, unknown_drive
+from sim_harness.footage.clip import MPS_PER_MPH
 
 SEED = 3
 
@@ -66,9 +67,7 @@ def test_the_height_of_a_foreign_camera_is_measured_by_stretch(tmp_path, monkeyp
                 break
             name = f"center_2018_07_16_17_11_{number // 20:02}_{50 * (number % 20):03}.jpg"
             cv2.imwrite(str(tmp_path / "IMG" / name), one.image)
-            csv.writer(file).writerow(
-                [f"IMG/{name}", "", "", 0, 0, 0, one.speed_mps / unknown_camera.MPS_PER_MPH]
-            )
+            csv.writer(file).writerow([f"IMG/{name}", "", "", 0, 0, 0, one.speed_mps / MPS_PER_MPH])
     found = unknown_camera.foreign_heights(tmp_path)
     assert found["stretches"] == 2
     assert found["median_height_m"] == pytest.approx(drive.camera.height_m, rel=0.06)
