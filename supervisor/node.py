@@ -81,6 +81,7 @@ class SupervisorNode:
             now_s=now_s,
             malformed=[name for name, latest in self._inputs.items() if latest.broken],
             losses=self._losses.message,
+            lead_sent_s=self._lead.stamp.published_s,
         )
         self._send(decision)
         self._journal.note(now_s)

@@ -151,12 +151,14 @@ class Supervisor:
         now_s: float,
         malformed: Collection[str] = (),
         losses: Losses | None = None,
+        lead_sent_s: float = math.nan,
     ) -> Decision:
         """The decision at ``now_s``. ``estimates`` holds the latest message of every expected estimator, or None.
 
         The step computes the age of every message. ``lead`` is None where no detector runs; "no vehicle ahead" has
         confidence 0. ``malformed`` names the estimators, and "statistics", "lead", "state", whose newest message
-        could not be decoded: the input is broken. ``losses``: the newest report of the launcher.
+        could not be decoded: the input is broken. ``losses``: the newest report of the launcher. ``lead_sent_s``:
+        publication of ``lead``, which the detector sends after the decision about its frame; NaN: with this step.
         """
         enlarged = self._reference.enlarged
         estimates = {name: enlarged(f"estimate {name}", estimate) for name, estimate in estimates.items()}
@@ -180,7 +182,7 @@ class Supervisor:
         senders = {**estimates, STATISTICS: statistics, LEAD: lead}
         ages_s = {**world.ages_s, STATISTICS: world.statistics_age_s, LEAD: world.ahead.age_s}
         possible = {n: m.t_s for n, m in senders.items() if m and math.isfinite(ages_s[n])}
-        late = self._lateness.step(possible, now_s=now_s)
+        late = self._lateness.step(possible, now_s=now_s, came_s={LEAD: lead_sent_s})
         now = moment(
             world,
             rules,

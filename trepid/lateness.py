@@ -2,19 +2,23 @@
 
 A message is late ``periods`` usual periods after the one before it, at the earliest after ``least_s``. The usual
 period is the median of the last intervals between the stamps of a sender, so that a slow sender, or a machine that
-drops messages, has a longer one. A sender without a usual period so far is not late.
+drops messages, has a longer one. A sender without a usual period so far is not late. A sender whose message came
+late stays late until RECOVERED messages in a row have come in time.
 """
 
 import math
 from collections import deque
 from collections.abc import Mapping
 from statistics import median
+from types import MappingProxyType
 
+from trepid.bounds import at_most
 from trepid.config import Settings
 from trepid.types import Positive
 
 INTERVALS = 8  # of which the median is the usual period
 FEWEST = 3  # intervals that make a usual period
+RECOVERED = 3  # messages in time, after one that was late
 
 
 class LatenessLimits(Settings):
@@ -31,19 +35,25 @@ class _Sender:
         self._limits = limits
         self._intervals_s: deque[float] = deque(maxlen=INTERVALS)
         self._stamp_s = -math.inf
+        self._owed = 0  # messages in time until the sender is no longer late
         self.late_at_s = math.inf
 
-    def step(self, stamp_s: float, *, now_s: float) -> None:
-        """Take a message that is there at ``now_s``; one with the stamp of the last changes nothing."""
+    def step(self, stamp_s: float, *, came_s: float) -> None:
+        """Take a message that came at ``came_s``; one with the stamp of the last changes nothing."""
         if not self._stamp_s < stamp_s < math.inf:
             return
+        self._owed = RECOVERED if came_s >= self.late_at_s else max(self._owed - 1, 0)
         if math.isfinite(self._stamp_s):
             self._intervals_s.append(stamp_s - self._stamp_s)
         self._stamp_s = stamp_s
         self.late_at_s = math.inf
         if len(self._intervals_s) >= FEWEST:
             usual_s = median(self._intervals_s)
-            self.late_at_s = now_s + max(self._limits.periods * usual_s, self._limits.least_s)
+            self.late_at_s = came_s + max(self._limits.periods * usual_s, self._limits.least_s)
+
+    def is_late(self, now_s: float) -> bool:
+        """Whether the next message has not come in time, or the last ones did not."""
+        return self._owed > 0 or self.late_at_s <= now_s
 
 
 class Lateness:
@@ -54,16 +64,24 @@ class Lateness:
         self._senders: dict[str, _Sender] = {}
         self._now_s = -math.inf
 
-    def step(self, stamps_s: Mapping[str, float], *, now_s: float) -> frozenset[str]:
+    def step(
+        self,
+        stamps_s: Mapping[str, float],
+        *,
+        now_s: float,
+        came_s: Mapping[str, float] = MappingProxyType({}),
+    ) -> frozenset[str]:
         """Names of the senders whose next message is late at ``now_s``.
 
         ``stamps_s``: time in the newest message of each, which increases from message to message, without senders
-        that have sent none and without impossible times.
+        that have sent none and without impossible times. ``came_s``: when messages came that lay unread until this
+        step; the others come with it, and none later.
         """
         self._now_s = now_s
         for name, stamp_s in stamps_s.items():
-            self._senders.setdefault(name, _Sender(self._limits)).step(stamp_s, now_s=now_s)
-        return frozenset(name for name, sender in self._senders.items() if sender.late_at_s <= now_s)
+            sender = self._senders.setdefault(name, _Sender(self._limits))
+            sender.step(stamp_s, came_s=at_most(came_s.get(name, now_s), now_s))
+        return frozenset(name for name, sender in self._senders.items() if sender.is_late(now_s))
 
     @property
     def next_s(self) -> float:

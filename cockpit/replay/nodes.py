@@ -1,12 +1,14 @@
 """The nodes of a recorded drive, built again: each as a function of its inputs at one step."""
 
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import controller.controller
 import supervisor.supervisor
@@ -34,10 +36,19 @@ from trepid.topics import (
 SUPERVISOR, CONTROLLER, ALL = "supervisor", "controller", "all"
 NO_ESTIMATORS = frozenset({STATISTICS, LEAD, SUPERVISOR, CONTROLLER})
 """Names of the other nodes."""
-Read = Mapping[str, Any]
-"""Key of a topic -> the message that the step uses; None: none so far."""
-Step = Callable[[Read, float, Collection[str]], Any]
-"""The output for inputs, the time of the step, and the keys of inputs whose newest message is malformed."""
+
+
+class Inputs(NamedTuple):
+    """What a step uses, by the keys of topics."""
+
+    read: Mapping[str, Any]  # the messages; None: none so far
+    now_s: float
+    broken: Collection[str] = ()  # inputs whose newest message is malformed, or of a clock that stepped back
+    sent_s: Mapping[str, float] = MappingProxyType({})  # publication of the messages, where the node had it
+
+
+Step = Callable[[Inputs], Any]
+"""The output of a node for the inputs of one step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +189,8 @@ def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:
     called = {estimate_topic(name).key: name for name in names}
     called |= {IMAGE_STATISTICS.key: STATISTICS, LEAD_VEHICLE.key: LEAD, VEHICLE_STATE.key: STATE}
 
-    def step(read: Read, now_s: float, broken: Collection[str]) -> Any:
+    def step(inputs: Inputs) -> Any:
+        read, now_s, broken, sent_s = inputs
         while changes and changes[0][0] < now_s:
             node.adopt(changes.pop(0)[1])
         return node.step(
@@ -189,6 +201,7 @@ def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:
             now_s=now_s,
             malformed=[called[key] for key in broken if key in called],  # as in a drive, not those of losses
             losses=read[LOSSES.key],
+            lead_sent_s=sent_s.get(LEAD_VEHICLE.key, math.nan),
         )
 
     return step
@@ -196,12 +209,12 @@ def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:
 
 def _controller() -> Step:
     node = controller.controller.build()
-    return lambda read, now_s, broken: node.step(
-        read[DECISION.key],
-        read[VEHICLE_STATE.key],
-        now_s=now_s,
-        malformed=not {DECISION.key, VEHICLE_STATE.key}.isdisjoint(broken),
-        losses=read[LOSSES.key],
+    return lambda inputs: node.step(
+        inputs.read[DECISION.key],
+        inputs.read[VEHICLE_STATE.key],
+        now_s=inputs.now_s,
+        malformed=not {DECISION.key, VEHICLE_STATE.key}.isdisjoint(inputs.broken),
+        losses=inputs.read[LOSSES.key],
     )
 
 
@@ -209,14 +222,16 @@ def _estimator(name: str, network: Path | None) -> Step:
     from perception.estimators import build
 
     node = build(name, network=None if network is None else str(network))
-    return lambda read, now_s, _: node.step(read[CAMERA_IMAGE.key], read[VEHICLE_STATE.key], now_s=now_s)
+    return lambda inputs: node.step(
+        inputs.read[CAMERA_IMAGE.key], inputs.read[VEHICLE_STATE.key], now_s=inputs.now_s
+    )
 
 
 def _statistician() -> Step:
     from perception.camera.image_statistics import ImageStatistician
 
     node = ImageStatistician()
-    return lambda read, now_s, _: node.step(read[CAMERA_IMAGE.key], now_s=now_s)
+    return lambda inputs: node.step(inputs.read[CAMERA_IMAGE.key], now_s=inputs.now_s)
 
 
 def _finder(names: tuple[str, ...]) -> Step:
@@ -224,6 +239,9 @@ def _finder(names: tuple[str, ...]) -> Step:
 
     node = build()
     lanes = [estimate_topic(name).key for name in names]
-    return lambda read, now_s, _: node.step(
-        read[CAMERA_IMAGE.key], read[VEHICLE_STATE.key], [read[key] for key in lanes], now_s=now_s
+    return lambda inputs: node.step(
+        inputs.read[CAMERA_IMAGE.key],
+        inputs.read[VEHICLE_STATE.key],
+        [inputs.read[key] for key in lanes],
+        now_s=inputs.now_s,
     )

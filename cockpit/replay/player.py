@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from cockpit.replay.difference import Comparison
-from cockpit.replay.nodes import SUPERVISOR, Node
+from cockpit.replay.nodes import SUPERVISOR, Inputs, Node
 from cockpit.replay.nodes import Step as Call
 from cockpit.replay.schedule import Schedule, Step, schedule
 from cockpit.replay.tape import Frames, Tape
@@ -93,7 +93,7 @@ class Player:
         state = read.get(VEHICLE_STATE.key)
         if step.began_s < self._warm_s and isinstance(state, VehicleState):
             read[VEHICLE_STATE.key] = replace(state, driver_override=True)
-        return self._call_of[node.name](read, step.began_s, step.broken)
+        return self._call_of[node.name](Inputs(read, step.began_s, step.broken, step.sent_s))
 
     def _keep(self, node: Node, step: Step, now: Any) -> None:
         """Keep the output of a step and compare it with the recorded one."""

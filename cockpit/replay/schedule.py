@@ -7,7 +7,7 @@ treated like a lock-step run; its steps then only resemble the recorded ones.
 
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from cockpit.replay.nodes import Node
 from cockpit.replay.tape import Tape
@@ -22,6 +22,7 @@ class Step:
     reads: dict[str, int | None]  # key of each input but the image -> place of the message; None: none so far
     output: int | None  # place of its output; None: not recorded
     broken: tuple[str, ...] = ()  # keys of inputs whose newest message was malformed
+    sent_s: dict[str, float] = field(default_factory=dict)  # publication of the messages, by its report
     starts: bool = False  # the first one of a new node
 
 
@@ -58,13 +59,17 @@ def _reported(node: Node, tape: Tape) -> Schedule:
         broken = set(report.broken)
         for row, began_s in enumerate(report.began_s):
             reads: dict[str, int | None] = {}
+            sent_s: dict[str, float] = {}
             first = row * len(report.inputs)
             for place, key in enumerate(report.inputs, first):
                 read_s = report.read_s[place]
                 if key == CAMERA_IMAGE.key:
                     continue
                 reads[key] = None if read_s is None else tape.track(key).published(read_s)
-                if read_s is not None and reads[key] is None:
+                if read_s is None:
+                    continue
+                sent_s[key] = read_s
+                if reads[key] is None:
                     missing += 1
                     reads[key] = tape.track(key).newest(read_s)
             after = len(steps) + 1
@@ -72,7 +77,7 @@ def _reported(node: Node, tape: Tape) -> Schedule:
             found = bisect_left(outputs, began_s)
             output = found if found < len(outputs) and outputs[found] < until_s else None
             torn = tuple(key for place, key in enumerate(report.inputs, first) if place in broken)
-            steps.append(Step(began_s, reads, output, torn, starts=report.first == 0 and row == 0))
+            steps.append(Step(began_s, reads, output, torn, sent_s, starts=report.first == 0 and row == 0))
     doubts = [
         f"{missing} of its inputs were not recorded" if missing else "",
         f"{gaps} of its reports were not recorded" if gaps else "",

@@ -165,7 +165,7 @@ DOUBTS = (
         lambda m: m.moving and m.late,
         _now,
         Effect.HOLD_BACK,
-        "by the message, by a new image",
+        "by three messages in time, by a new image",
     ),
     Doubt(
         "a vehicle too near for a comfort stop",

@@ -74,7 +74,9 @@ class Idle:
         self.inputs: dict[str, Any] = {}
 
         def latest(topic: Any, wakes: bool = True) -> Any:
-            return self.inputs.setdefault(topic.key, SimpleNamespace(message=None, broken=False))
+            return self.inputs.setdefault(
+                topic.key, SimpleNamespace(message=None, broken=False, stamp=UNSTAMPED)
+            )
 
         def step(*_: object, **__: object) -> Any:
             self.decided += 1

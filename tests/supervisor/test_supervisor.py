@@ -16,6 +16,7 @@ from supervisor.rules.sentence import parse_rule
 from supervisor.supervisor import Supervisor, SupervisorSettings, build
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.lateness import RECOVERED
 from trepid.messages import (
     Decision,
     LeadVehicle,
@@ -137,7 +138,7 @@ def test_frames_that_stop_coming_first_brake_then_stop_then_brake_hard() -> None
         (("lead",), "lead_lost"),
     ],
 )
-def test_a_late_message_brakes_until_it_comes_without_a_change_of_the_mode(
+def test_a_late_message_brakes_until_some_come_in_time_without_a_change_of_the_mode(
     late: tuple[str, ...], cause: str
 ) -> None:
     drive = Drive.under_way()
@@ -146,8 +147,9 @@ def test_a_late_message_brakes_until_it_comes_without_a_change_of_the_mode(
     assert (before.mode, before.stop) == (Mode.KEEP, Stop.NONE)  # one frame may be missing
     assert (braking.mode, braking.stop, braking.cause) == (Mode.KEEP, Stop.COMFORT, cause)
     assert braking.speed_cap_mps == 0
-    back = drive.frame(lead=NOBODY)
-    assert (back.mode, back.stop) == (Mode.KEEP, Stop.NONE)
+    back = [drive.frame(lead=NOBODY) for _ in range(RECOVERED + 1)]
+    assert [decision.mode for decision in back] == [Mode.KEEP] * (RECOVERED + 1)
+    assert [decision.stop for decision in back] == [Stop.COMFORT] * RECOVERED + [Stop.NONE]
 
 
 def test_a_repeated_image_brakes_until_a_new_one_comes() -> None:

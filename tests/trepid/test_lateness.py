@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from trepid.lateness import Lateness, LatenessLimits
+from trepid.lateness import RECOVERED, Lateness, LatenessLimits
 
 LIMITS = LatenessLimits(periods=2.5, least_s=0.0625)
 
@@ -31,13 +31,35 @@ def test_a_fast_sender_has_the_least_limit() -> None:
     assert lateness.next_s == last_s + LIMITS.least_s
 
 
-def test_the_message_ends_the_lateness_and_one_long_gap_changes_no_period() -> None:
+def test_messages_in_time_end_the_lateness_and_one_long_gap_changes_no_period() -> None:
     lateness, last_s = after(0.03125)
     assert lateness.step({"cv": last_s}, now_s=last_s + 5.0) == {"cv"}
     assert lateness.next_s == math.inf  # it is late already
     back_s = last_s + 5.03125
-    assert lateness.step({"cv": back_s}, now_s=back_s) == frozenset()
-    assert lateness.next_s == back_s + 2.5 * 0.03125
+    found = [
+        lateness.step({"cv": t_s}, now_s=t_s) for t_s in (back_s + n * 0.03125 for n in range(RECOVERED + 1))
+    ]
+    assert found == [{"cv"}] * RECOVERED + [frozenset()]
+    assert lateness.next_s == back_s + (RECOVERED + 2.5) * 0.03125
+
+
+def test_a_sender_whose_messages_come_in_time_only_now_and_then_stays_late() -> None:
+    lateness, t_s = after(0.03125)
+    for n in range(12):
+        t_s += 0.125 if n % 3 == 0 else 0.03125
+        assert lateness.step({"cv": t_s}, now_s=t_s) == {"cv"}
+
+
+def test_a_message_that_lay_unread_counts_from_its_arrival_and_never_from_the_future() -> None:
+    lateness, last_s = after(0.03125)
+    came_s = last_s + 0.0078125
+    lateness.step({"cv": came_s}, now_s=last_s + 0.03125, came_s={"cv": came_s})
+    assert lateness.next_s == came_s + 2.5 * 0.03125
+    for unknown_s in (math.nan, last_s + 100.0):
+        lateness, last_s = after(0.03125)
+        now_s = last_s + 0.03125
+        lateness.step({"cv": now_s}, now_s=now_s, came_s={"cv": unknown_s})
+        assert lateness.next_s == now_s + 2.5 * 0.03125
 
 
 def test_a_repeated_older_or_broken_stamp_is_no_message() -> None:
