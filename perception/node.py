@@ -1,5 +1,6 @@
 """Perception process: one estimator (and, for one of them, the image statistics) on every new camera frame."""
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,6 +8,7 @@ from dataclasses import replace
 
 from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import build
+from trepid.messages import SteeringEstimate
 from trepid.processes.journal import Journal
 from trepid.processes.process import Process
 from trepid.processes.timing import Timekeeper
@@ -14,10 +16,14 @@ from trepid.processes.turns import serve
 from trepid.topics import CAMERA_IMAGE, IMAGE_STATISTICS, VEHICLE_STATE, estimate_topic
 
 IDLE_S = 0.1  # without frames
+UNREADABLE = "the newest frame is malformed, or the clock of its camera has stepped back"
 
 
 class EstimatorNode:
-    """Estimates on the newest frame and publishes. Frames are not queued."""
+    """Estimates on the newest frame and publishes. Frames are not queued.
+
+    A frame that cannot be used is reported at once, by an estimate whose confidence is NaN: a broken one.
+    """
 
     def __init__(self, me: Process) -> None:
         name = me.options["estimator"]
@@ -31,6 +37,7 @@ class EstimatorNode:
         outputs = (estimate_topic(name), *((IMAGE_STATISTICS,) if self._statistician else ()))
         self._journal = Journal(me, *outputs, reads=(self._frames, self._state))
         self._times = Timekeeper(me.bus, name, me.now_s)
+        self._last: SteeringEstimate | None = None
         me.ready()
 
     def due_s(self) -> float:
@@ -41,6 +48,7 @@ class EstimatorNode:
         """Estimate on a new frame."""
         frame, me = self._frames.take(), self._me
         if frame is None:
+            self._report_broken()
             me.alive()
             return
         began_s = me.now_s()
@@ -49,10 +57,25 @@ class EstimatorNode:
         started_s = time.perf_counter()
         estimate = self._estimator.step(frame, self._state.refresh(), now_s=began_s)
         latency_ms = 1e3 * (time.perf_counter() - started_s)
-        self._send_estimate(replace(estimate, latency_ms=latency_ms))
+        self._last = replace(estimate, latency_ms=latency_ms)
+        self._send_estimate(self._last)
         self._times.note(frame.t_s, self._frames, began_s=began_s)
         self._journal.note(began_s)
         me.stepped()
+
+    def _report_broken(self) -> None:
+        """Publish a broken estimate of the last frame, once until the next frame."""
+        if self._last is None or not self._frames.broken:
+            return
+        nothing = SteeringEstimate.nothing(
+            self._last.t_s,
+            estimator=self._last.estimator,
+            lookahead_m=self._last.lookahead_m,
+            reason=UNREADABLE,
+            kind=self._last.kind,
+        )
+        self._send_estimate(replace(nothing, confidence=math.nan))
+        self._last = None
 
 
 @contextmanager

@@ -149,7 +149,7 @@ class Latest(Generic[M]):
         self.overtaken = 0
         """Number of messages older than ``message``: replayed, or out of order; they count as not received."""
         self.broken = False
-        """True while the newest payload read is a malformed one: the input is broken, ``message`` is older."""
+        """The newest payload read is malformed, or of a clock that stepped back: ``message`` is an older one."""
 
     def put(self, message: M) -> None:
         """Keep a message that a node of this process has published."""
@@ -163,6 +163,7 @@ class Latest(Generic[M]):
         stamp = _stamp(arrival)
         if stamp.repeats(self.stamp, now_s=arrival.at_s):
             self.overtaken += 1
+            self.broken = self.broken or stamp.steps_back(self.stamp)
             return None
         message = self._decoded(arrival)
         if message is not None:

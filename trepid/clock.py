@@ -11,7 +11,7 @@ little-endian::
     uint8 16                 length of ...
     uint8[16] source_gid     ... the random identity of the publisher
 
-It serves measurement and the detection of losses; nothing that drives depends on it.
+It serves measurement, and the detection of losses, of repetitions and of clocks that step.
 """
 
 import itertools
@@ -70,6 +70,11 @@ class Stamp(NamedTuple):
         if 0 < self.sequence <= newest.sequence and self.publisher == newest.publisher:
             return True
         return self.published_s < newest.published_s <= now_s
+
+    def steps_back(self, newest: "Stamp") -> bool:
+        """Whether the clock of the publisher has stepped back since ``newest``: a later number, an earlier time."""
+        later = self.publisher == newest.publisher and self.sequence > newest.sequence > 0
+        return later and self.published_s < newest.published_s
 
 
 UNSTAMPED = Stamp(0, math.nan, b"")

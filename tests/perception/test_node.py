@@ -1,5 +1,6 @@
 """The process of an estimator."""
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,39 +10,77 @@ import pytest
 from perception.node import EstimatorNode
 from trepid.clock import UNSTAMPED
 from trepid.messages import Frame
-from trepid.topics import CAMERA_IMAGE, IMAGE_STATISTICS, VEHICLE_STATE, estimate_topic
+from trepid.topics import CAMERA_IMAGE, IMAGE_STATISTICS, estimate_topic
 
 FRAME = Frame(t_s=5.0, image=np.full((240, 320, 3), 90, np.uint8))
 
 
-def published(*, statistics: bool) -> list[tuple[str, float]]:
-    """Keys of what the node publishes after one frame, in order, with the capture times."""
-    sent: list[tuple[str, Any]] = []
-    inputs = {CAMERA_IMAGE.key: FRAME, VEHICLE_STATE.key: None}
+class Frames:
+    """The subscription of the images, which gives ``next`` at every turn."""
 
-    def latest(topic: Any, wakes: bool = True) -> Any:
-        message = inputs[topic.key]
-        given = dict(message=message, received_s=5.0, stamp=UNSTAMPED, broken=False)
-        return SimpleNamespace(**given, take=lambda: message, refresh=lambda: message)
+    received_s, stamp, message = 5.0, UNSTAMPED, FRAME
+
+    def __init__(self) -> None:
+        self.next: Frame | None = FRAME
+        self.broken = False
+
+    def take(self) -> Frame | None:
+        return self.next
+
+
+def running(*, statistics: bool = False) -> tuple[EstimatorNode, Frames, list[tuple[str, Any]]]:
+    """A node of cv, its images, and the keys and messages that it publishes."""
+    sent: list[tuple[str, Any]] = []
+    known = {IMAGE_STATISTICS.key, estimate_topic("cv").key}
+    frames = Frames()
+    state = SimpleNamespace(message=None, stamp=UNSTAMPED, broken=False, refresh=lambda: None)
+
+    def publisher(topic: Any) -> Any:
+        return lambda message: sent.append((topic.key, message)) if topic.key in known else None
 
     me: Any = SimpleNamespace(
         name="cv",
         bus=SimpleNamespace(
-            latest=latest, publisher=lambda topic: lambda message: sent.append((topic.key, message))
+            latest=lambda topic, wakes=True: frames if topic is CAMERA_IMAGE else state, publisher=publisher
         ),
         options={"estimator": "cv", "statistics": statistics},
         now_s=lambda: 5.01,
         ready=lambda: None,
         stepped=lambda: None,
+        alive=lambda: None,
     )
-    EstimatorNode(me).turn()
-    known = {IMAGE_STATISTICS.key, estimate_topic("cv").key}
-    return [(key, message.t_s) for key, message in sent if key in known]
+    return EstimatorNode(me), frames, sent
+
+
+def test_a_frame_that_cannot_be_used_is_reported_once_as_a_broken_estimate_of_the_last_one() -> None:
+    node, frames, sent = running()
+    node.turn()
+    _, good = sent.pop()
+    assert 0 <= good.confidence <= 1
+    frames.broken, frames.next = True, None
+    for _ in range(3):
+        node.turn()
+    ((_, broken),) = sent
+    assert math.isnan(broken.confidence) and broken.lateral_offset_m is None and broken.reason
+    assert (broken.t_s, broken.estimator, broken.kind) == (good.t_s, good.estimator, good.kind)
+    frames.broken, frames.next = False, FRAME
+    node.turn()
+    again = sent[-1][1]
+    assert (again.t_s, again.lateral_offset_m) == (good.t_s, good.lateral_offset_m)
+
+
+def test_without_a_frame_so_far_nothing_is_reported() -> None:
+    node, frames, sent = running()
+    frames.broken, frames.next = True, None
+    node.turn()
+    assert sent == []
 
 
 @pytest.mark.parametrize("statistics", [True, False])
 def test_the_statistics_of_a_frame_are_published_before_the_estimate_that_makes_the_supervisor_decide(
     statistics: bool,
 ) -> None:
+    node, _, sent = running(statistics=statistics)
+    node.turn()
     before = [(IMAGE_STATISTICS.key, 5.0)] if statistics else []
-    assert published(statistics=statistics) == [*before, (estimate_topic("cv").key, 5.0)]
+    assert [(key, message.t_s) for key, message in sent] == [*before, (estimate_topic("cv").key, 5.0)]

@@ -199,6 +199,32 @@ def test_a_replayed_and_an_overtaken_message_are_recognised_by_their_stamps() ->
     assert not newest.repeats(UNSTAMPED, now_s=10.0)
 
 
+def test_a_clock_that_steps_back_is_recognised_by_a_later_number_with_an_earlier_time() -> None:
+    newest = Stamp(5, 10.0, b"publisher")
+    assert Stamp(6, 9.0, b"publisher").steps_back(newest)
+    replayed, overtaken, of_another = Stamp(4, 9.0, b"publisher"), newest, Stamp(6, 9.0, b"another")
+    for other in (replayed, overtaken, of_another, Stamp(6, 10.0, b"publisher"), UNSTAMPED):
+        assert not other.steps_back(newest)
+    assert not Stamp(6, 9.0, b"publisher").steps_back(UNSTAMPED)
+
+
+def test_an_input_is_broken_while_the_clock_of_its_sender_has_stepped_back() -> None:
+    step_s = [0.0]
+    endpoint = free_endpoint()
+    with (
+        open_bus("car", lambda: time.monotonic() + step_s[0], listen=endpoint) as one,
+        open_bus("car", time.monotonic, connect=endpoint) as other,
+    ):
+        send, latest = one.publisher(VEHICLE_STATE), other.latest(VEHICLE_STATE)
+        assert until(lambda: send(state(1.0)) or latest.take() is not None, patience_s=5)
+        step_s[0] = -1.0
+        assert until(lambda: send(state(2.0)) or latest.take() or latest.broken, patience_s=5)
+        assert latest.message == state(1.0)
+        step_s[0] = 0.0
+        assert until(lambda: send(state(3.0)) or latest.take() is not None, patience_s=5)
+        assert not latest.broken
+
+
 def test_a_stamp_from_the_future_makes_no_later_message_old() -> None:
     future = Stamp(5, 1000.0, b"faulty clock")
     assert not Stamp(1, 10.0, b"sound clock").repeats(future, now_s=10.0)
