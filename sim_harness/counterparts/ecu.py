@@ -27,7 +27,7 @@ EARLY = 0.5  # of a step: a report is sent in the step nearest to its time
 class EcuSettings(Settings):
     """Options of the process."""
 
-    silence_s: Positive = 0.1
+    silence_s: Positive = 0.08
     safe_decel_mps2: Positive = 3.5
     mute_after_s: Positive | None = None  # a fault: the reports end so long after the first engaged command
 
