@@ -56,7 +56,10 @@ def bench(
         int | None, typer.Option(min=1, help="perception: number of passes over the clips; default: 1.")
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option(min=1, help="perception, imitation: number of processes; default: 1.")
+        int | None,
+        typer.Option(
+            min=1, help="perception, imitation: number of processes; faults: of drives at a time; default: 1."
+        ),
     ] = None,
     keep_frames: Annotated[
         bool,

@@ -1,19 +1,22 @@
 """``trepid bench faults``: every fault ``--count`` times on the simulated car and through the CAN counterpart.
 
 Real processes of real drives (``trepid drive``) are harmed while the car laps at 3 m/s. Every drive takes some
-faults that it survives and one that ends it. Rows are in ``runs/faults.jsonl`` at the end of their drive; the same
-command continues an interrupted run. Ctrl-C ends it with the figures so far. Rows of other code do not count.
+faults that it survives and one that ends it. ``--jobs`` drives run at a time. Starvation, which would reach the
+drives beside it, comes last, one drive at a time. Rows are in ``runs/faults.jsonl`` at the end of their drive; the
+same command continues an interrupted run. Ctrl-C ends it with the figures so far. Rows of other code do not count.
 """
 
 import math
-from collections.abc import Iterable
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from sim_harness.bench.live.faults.catalogue import FAULTS, WIRES, Fault
+from sim_harness.bench.live.faults.catalogue import FAULTS, WIRES, Act, Fault
 from sim_harness.bench.live.faults.flow import BY_ITSELF, KEPT, NOT_AT_ALL, RENEWED, driven
 from sim_harness.sweep.fingerprint import fingerprint, import_closure
 from sim_harness.sweep.progress import SweepProgress
@@ -37,7 +40,9 @@ Task = tuple[str, Fault, int]
 """Wire, fault and number of an episode."""
 
 
-def bench_faults(count: int = COUNT, wires: tuple[str, ...] = (), faults: tuple[str, ...] = ()) -> Row:
+def bench_faults(
+    count: int = COUNT, wires: tuple[str, ...] = (), faults: tuple[str, ...] = (), jobs: int = 1
+) -> Row:
     """Reaction time, lane, ends, recordings by fault, for each wire."""
     chosen = [FAULTS[name] for name in known(faults, FAULTS, "fault") or FAULTS]
     over = known(wires, WIRES, "wire") or WIRES
@@ -47,9 +52,9 @@ def bench_faults(count: int = COUNT, wires: tuple[str, ...] = (), faults: tuple[
     code = fingerprint(*import_closure(DRIVEN), "config")
     with Store(STORE) as store:
         with suppress(KeyboardInterrupt):
-            fill(store, code, tasks)
+            fill(store, code, tasks, jobs)
         rows = [row for task in tasks if (row := store.get(case(task), code))]
-    return {"episodes": f"{len(rows)} of {len(tasks)}", **table(rows)}
+    return {"episodes": f"{len(rows)} of {len(tasks)}", "drives at a time": jobs, **table(rows)}
 
 
 def known(names: Iterable[str], among: Iterable[str], what: str) -> tuple[str, ...]:
@@ -67,28 +72,52 @@ def case(task: Task) -> str:
     return f"{wire} {fault.name} {number}"
 
 
-def fill(store: Store, code: str, tasks: list[Task]) -> None:
-    """Drive until every episode has a row. Raises InputError when drives in a row give none."""
+def fill(store: Store, code: str, tasks: list[Task], jobs: int) -> None:
+    """Drive until every episode has a row, ``jobs`` drives at a time. Raises InputError when drives give none."""
     left = [task for task in tasks if store.get(case(task), code) is None]
-    failures = 0
+    starved = [task for task in left if task[1].act is Act.STARVE]
     with SweepProgress(len(left), float(len(left))) as progress:
-        while left:
-            batch = next_drive(left)
-            try:
-                rows, why = (
-                    driven(batch[0][0], [task[1:] for task in batch]),
-                    "the car did not come to its speed",
-                )
-            except InputError as error:
-                rows, why = [], str(error)
-            failures = 0 if rows else failures + 1
-            if failures == FAILURES:
-                raise InputError(f"{FAILURES} drives in a row gave no episode; the last one: {why}")
-            for row in rows:
-                task = (row["wire"], FAULTS[row["fault"]], row["number"])
-                store.add(case(task), code, row)
-                left.remove(task)
-                progress.step(1.0)
+
+        def keep(row: Row) -> None:
+            store.add(case(task_of(row)), code, row)
+            progress.step(1.0)
+
+        drive_all([task for task in left if task not in starved], jobs, keep)
+        drive_all(starved, 1, keep)
+
+
+def task_of(row: Row) -> Task:
+    """The episode of a row."""
+    return row["wire"], FAULTS[row["fault"]], row["number"]
+
+
+def drive_all(left: list[Task], jobs: int, keep: Callable[[Row], None]) -> None:
+    """Drive until every episode of ``left`` has a row. Raises InputError after FAILURES drives without any."""
+    interrupted, failures = threading.Event(), 0
+    running: dict[Future[list[Row]], list[Task]] = {}
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            while left or running:
+                while left and len(running) < jobs:
+                    batch = next_drive(left)
+                    left = [task for task in left if task not in batch]
+                    wire, faults = batch[0][0], [task[1:] for task in batch]
+                    running[pool.submit(driven, wire, faults, interrupted)] = batch
+                for drive in wait(running, return_when=FIRST_COMPLETED).done:
+                    batch, error = running.pop(drive), drive.exception()
+                    if error is not None and not isinstance(error, InputError):
+                        raise error
+                    rows = [] if error else drive.result()
+                    failures = 0 if rows else failures + 1
+                    if failures == FAILURES:
+                        why = error or "the car did not come to its speed"
+                        raise InputError(f"{FAILURES} drives in a row gave no episode; the last one: {why}")
+                    for row in rows:
+                        keep(row)
+                    done = [task_of(row) for row in rows]
+                    left = [task for task in batch if task not in done] + left
+        finally:
+            interrupted.set()
 
 
 def next_drive(left: list[Task]) -> list[Task]:

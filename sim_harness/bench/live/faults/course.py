@@ -12,7 +12,8 @@ from trepid.config import CONFIG_DIR
 
 SPEED_MPS = 3.0
 FIRST = -10 if os.geteuid() == 0 else 0
-"""Niceness of the processes, where the system permits it: other programs of the machine are not the fault."""
+"""Niceness of the processes of a drive that has begun, where the system permits it: neither other programs of the
+machine nor the start of another drive are the fault."""
 GROUP = "239.74.163.2"
 PERCEPTION: dict[str, tuple[str, dict[str, Any]]] = {
     "cv": ("perception.node", {"estimator": "cv", "statistics": True}),
@@ -71,8 +72,7 @@ def write_car(folder: Path, wire: str) -> Path:
     (car / "scenarios" / "faults.yaml").write_text(SCENARIO)
     (car / "drive.yaml").write_text("scenario: faults\nsilence_s: 12.0\nready_timeout_s: 60.0\n")
     (car / "supervisor.yaml").write_text("modes: {reengage_after_s: 0.5}\n")
-    started = {"defaults": {"nice": FIRST}, "processes": processes(wire, control)}
-    (car / "processes.yaml").write_text(json.dumps(started))
+    (car / "processes.yaml").write_text(json.dumps({"processes": processes(wire, control)}))
     if wire == CAN:
         settings = {
             "interface": "udp_multicast",

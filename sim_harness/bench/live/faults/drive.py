@@ -6,6 +6,7 @@ without harm to the system. Needs ``unshare`` of util-linux and, without root, u
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -43,6 +44,10 @@ class Ended(Exception):
     """The drive has ended."""
 
 
+class Interrupted(Exception):
+    """The benchmark is to end before the drive does."""
+
+
 def command_in_namespace(disk: Path, command: list[str]) -> list[str]:
     """``command`` with a small file system of its own at ``disk``."""
     user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
@@ -53,12 +58,12 @@ def command_in_namespace(disk: Path, command: list[str]) -> list[str]:
 class FaultDrive(DriveProgram):
     """A drive on the wire ``wire`` in ``folder``. Use :func:`driving`."""
 
-    def __init__(self, folder: Path, wire: str) -> None:
+    def __init__(self, folder: Path, wire: str, interrupted: threading.Event) -> None:
+        self._interrupted = interrupted
         self.wire, self._folder, self._disk = wire, folder, folder / "disk"
         self._disk.mkdir(parents=True)
         words = ["--car", str(write_car(folder, wire)), "--record", str(self._disk / "drive.mcap")]
         super().__init__(folder, words, wrapped=lambda command: command_in_namespace(self._disk, command))
-        set_niceness(self.popen.pid, FIRST)
         self.events = Events()
         self._disk_fd: int | None = None
         self._renewals = 0
@@ -72,12 +77,22 @@ class FaultDrive(DriveProgram):
         self._tap: Tap = bus.tap(*HEARD)
         self.now_s = epoch_clock(self.running.clock_offset_ns)
 
+    def prefer(self) -> None:
+        """Give all threads of the drive the niceness FIRST."""
+        for pid in (self.popen.pid, *self.pids().values()):
+            for task in Path(f"/proc/{pid}/task").glob("*"):
+                with suppress(ProcessLookupError):
+                    os.setpriority(os.PRIO_PROCESS, int(task.name), FIRST)
+            set_niceness(pid, FIRST)
+
     def forget(self) -> None:
         """Drop the events so far, but for the last place."""
         self.events = Events(places=self.events.places[-1:])
 
     def poll(self) -> None:
-        """Take what was published meanwhile. Raises Ended."""
+        """Take what was published meanwhile. Raises Ended, Interrupted."""
+        if self._interrupted.is_set():
+            raise Interrupted
         time.sleep(POLL_S)
         events = self.events
         for key, data, t_s in self._tap.drain():
@@ -194,9 +209,9 @@ def recording_state(folder: Path) -> str:
 
 
 @contextmanager
-def driving(folder: Path, wire: str) -> Iterator[FaultDrive]:
-    """A drive that has started, and its events; everything of it ends with the body."""
-    drive = FaultDrive(folder, wire)
+def driving(folder: Path, wire: str, interrupted: threading.Event) -> Iterator[FaultDrive]:
+    """A drive that has started, and its events; everything of it ends with the body, or once ``interrupted``."""
+    drive = FaultDrive(folder, wire, interrupted)
     try:
         running = drive.running
         clock = epoch_clock(running.clock_offset_ns)

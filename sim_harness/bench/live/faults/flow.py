@@ -3,6 +3,7 @@
 import os
 import random
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -22,7 +23,7 @@ CRUISE_S = 15.0  # greatest time to the cruise speed
 STAND_S = 6.0  # greatest time to standstill after a fault that has to stop the car
 UNHARMED_S = 2.0  # duration of a fault that must not stop it
 RESUME_S, RENEW_S = (
-    2.0,
+    1.2,
     6.0,
 )  # greatest time to start again by itself, and after a new start of the supervisor
 STARTED_MPS = 0.3
@@ -30,13 +31,16 @@ PHASE_S = 0.1  # injections are spread over this time, longer than any period
 BY_ITSELF, RENEWED, NOT_AT_ALL, KEPT = "by itself", "after a new start", "no", "never stopped"
 
 
-def driven(wire: str, faults: Iterable[tuple[Fault, int]]) -> list[Row]:
+def driven(wire: str, faults: Iterable[tuple[Fault, int]], interrupted: threading.Event) -> list[Row]:
     """Drive on ``wire`` and inject the faults in turns, each with its number; the rows of those that were injected.
 
-    A fault that ends the drive comes last. Raises InputError when the drive does not start.
+    A fault that ends the drive comes last. Raises InputError when the drive does not start, and Interrupted.
     """
     rows: list[Row] = []
-    with tempfile.TemporaryDirectory(prefix="trepid-faults-") as folder, driving(Path(folder), wire) as drive:
+    with (
+        tempfile.TemporaryDirectory(prefix="trepid-faults-") as folder,
+        driving(Path(folder), wire, interrupted) as drive,
+    ):
         begin(drive)
         with suppress(Ended):
             for fault, number in faults:
@@ -60,6 +64,7 @@ def begin(drive: FaultDrive) -> None:
         until(drive, lambda: drive.began and moves(drive), BEGIN_S)
     except Ended as error:
         raise InputError(f"the drive did not begin: {drive.errors()}") from error
+    drive.prefer()
 
 
 def harmed(drive: FaultDrive, fault: Fault, number: int) -> tuple[float, Callable[[], None]]:

@@ -1,11 +1,14 @@
 """The plan of the drives with faults, and the table of their episodes."""
 
+import threading
+import time
 from typing import Any
 
 import pytest
 
-from sim_harness.bench.live.faults.bench import SURVIVED, bench_faults, next_drive, table
-from sim_harness.bench.live.faults.catalogue import CAN, FAULTS, SIM, WIRES, Act
+from sim_harness.bench.live.faults import bench
+from sim_harness.bench.live.faults.bench import SURVIVED, bench_faults, case, next_drive, table
+from sim_harness.bench.live.faults.catalogue import CAN, FAULTS, SIM, WIRES, Act, Fault
 from sim_harness.bench.live.faults.course import processes
 from trepid.config import InputError
 
@@ -37,6 +40,43 @@ def test_every_episode_is_driven_once_and_at_most_one_fault_ends_a_drive() -> No
         assert len({(wire, number) for wire, _, number in drive}) == 1
         assert not any(fault.ends_drive for _, fault, _ in drive[:-1])
         assert len(drive) <= SURVIVED + 1
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_several_drives_at_a_time_give_every_episode_one_row_and_repeat_what_a_drive_left_out(
+    monkeypatch: pytest.MonkeyPatch, jobs: int
+) -> None:
+    at_once, most, drives = 0, 0, 0
+    lock = threading.Lock()
+
+    def driven(
+        wire: str, faults: list[tuple[Fault, int]], interrupted: threading.Event
+    ) -> list[dict[str, Any]]:
+        nonlocal at_once, most, drives
+        with lock:
+            at_once, drives = at_once + 1, drives + 1
+            most, broken, short = max(most, at_once), drives % 3 == 0, drives % 3 == 1
+        time.sleep(0.002)
+        with lock:
+            at_once -= 1
+        if broken:
+            raise InputError("the drive did not begin")
+        return [row(fault.name, wire=wire, number=number) for fault, number in faults[: 1 if short else None]]
+
+    monkeypatch.setattr(bench, "driven", driven)
+    rows: list[dict[str, Any]] = []
+    bench.drive_all(list(TASKS), jobs, rows.append)
+    assert sorted(map(case, map(bench.task_of, rows))) == sorted(map(case, TASKS))
+    assert 1 <= most <= jobs
+
+
+def test_drives_that_never_begin_end_the_benchmark(monkeypatch: pytest.MonkeyPatch) -> None:
+    def driven(*_: object) -> list[dict[str, Any]]:
+        raise InputError("no bus")
+
+    monkeypatch.setattr(bench, "driven", driven)
+    with pytest.raises(InputError, match="4 drives in a row gave no episode; the last one: no bus"):
+        bench.drive_all(list(TASKS), 2, lambda row: None)
 
 
 def test_counts_grow_evenly() -> None:

@@ -1,5 +1,7 @@
 """One fault of real processes on each wire."""
 
+import threading
+
 import pytest
 
 from sim_harness.bench.live.faults.catalogue import CAN, FAULTS, SIM
@@ -10,7 +12,7 @@ pytestmark = pytest.mark.processes
 
 @pytest.mark.parametrize(("wire", "name"), [(SIM, "kill-controller"), (CAN, "kill-vehicle")])
 def test_the_car_stops_in_its_lane_and_leaves_nothing_behind(wire: str, name: str) -> None:
-    rows = driven(wire, [(FAULTS[name], 0)])
+    rows = driven(wire, [(FAULTS[name], 0)], threading.Event())
     if not rows:
         pytest.skip("the car does not come to its speed on this machine")
     (row,) = rows
