@@ -4,7 +4,7 @@ Every input is checked for age, finiteness and plausibility. A missing or bad in
 
 | input | longitudinal | lateral |
 |---|---|---|
-| the next decision or vehicle state is late, or malformed | comfort brake until a good one comes | – |
+| the next decision or vehicle state is late, or malformed | comfort brake until a good one, or three in time | – |
 | no usable decision | comfort stop, after ``lost_s`` emergency stop | along the path while it is young enough |
 | no usable vehicle state | the same | holds the last wheel angle |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
