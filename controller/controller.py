@@ -58,7 +58,7 @@ _EASED_SHARE = 0.5  # of the lateral acceleration in bends, left while the limit
 class InputLimits(Settings):
     """``inputs`` in ``config/controller.yaml``: largest age and size of accepted inputs."""
 
-    late: LatenessLimits  # of decisions and states: the car brakes until a late one comes
+    late: LatenessLimits  # of decisions and states: the car brakes until late ones are in time
     stale_s: Positive  # older decisions and states are ignored
     lost_s: Positive  # without usable inputs for this long: emergency stop
     path_memory_s: Positive  # older paths are not followed while driving on
@@ -148,7 +148,8 @@ class Controller:
     ) -> Command:
         """The command for ``now_s`` [s]; always finite, and braking where an input is not good.
 
-        ``malformed``: the newest message of an input cannot be decoded; ``decision`` or ``state`` is an older one.
+        ``malformed``: the newest message of an input cannot be decoded, or is of a clock that stepped back;
+        ``decision`` or ``state`` is an older one.
         ``losses``: the newest report of the launcher.
         """
         decision = self._reference.enlarged("decision", decision)

@@ -116,7 +116,7 @@ class Supervisor:
         self._mode = ModeState.initial()
         self._speed = SpeedFactor(settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)
-        self._held_back = False  # the car brakes until a late message comes
+        self._held_back = False  # the car brakes until late messages are in time
         self._driver = False  # a driver acted at the last step
         self._has_driven = False
 
@@ -157,8 +157,9 @@ class Supervisor:
 
         The step computes the age of every message. ``lead`` is None where no detector runs; "no vehicle ahead" has
         confidence 0. ``malformed`` names the estimators, and "statistics", "lead", "state", whose newest message
-        could not be decoded: the input is broken. ``losses``: the newest report of the launcher. ``lead_sent_s``:
-        publication of ``lead``, which the detector sends after the decision about its frame; NaN: with this step.
+        could not be decoded, or is of a clock that stepped back: the input is broken. ``losses``: the newest report
+        of the launcher. ``lead_sent_s``: publication of ``lead``, which the detector sends after the decision about
+        its frame; NaN: with this step.
         """
         enlarged = self._reference.enlarged
         estimates = {name: enlarged(f"estimate {name}", estimate) for name, estimate in estimates.items()}

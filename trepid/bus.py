@@ -145,7 +145,7 @@ class Latest(Generic[M]):
         self.stamp: Stamp = UNSTAMPED
         """Publisher, time of publication and number of ``message``."""
         self.malformed = 0
-        """Number of payloads that could not be decoded; they count as not received."""
+        """Number of messages malformed, or of a clock that stepped back; they count as not received."""
         self.overtaken = 0
         """Number of messages older than ``message``: replayed, or out of order; they count as not received."""
         self.broken = False
@@ -162,8 +162,11 @@ class Latest(Generic[M]):
             return None
         stamp = _stamp(arrival)
         if stamp.repeats(self.stamp, now_s=arrival.at_s):
-            self.overtaken += 1
-            self.broken = self.broken or stamp.steps_back(self.stamp)
+            if stamp.steps_back(self.stamp):
+                self.malformed += 1
+                self.broken = True
+            else:
+                self.overtaken += 1
             return None
         message = self._decoded(arrival)
         if message is not None:

@@ -3,7 +3,8 @@
 A message is late ``periods`` usual periods after the one before it, at the earliest after ``least_s``. The usual
 period is the median of the last intervals between the stamps of a sender, so that a slow sender, or a machine that
 drops messages, has a longer one. A sender without a usual period so far is not late. A sender whose message came
-late stays late until RECOVERED messages in a row have come in time.
+late stays late until RECOVERED messages in a row have come in time, for INTERVALS messages at most: one that is
+late now and then for longer is usually so.
 """
 
 import math
@@ -18,7 +19,7 @@ from trepid.types import Positive
 
 INTERVALS = 8  # of which the median is the usual period
 FEWEST = 3  # intervals that make a usual period
-RECOVERED = 3  # messages in time, after one that was late
+RECOVERED = 3  # messages in time in a row, after one that was late
 
 
 class LatenessLimits(Settings):
@@ -35,14 +36,19 @@ class _Sender:
         self._limits = limits
         self._intervals_s: deque[float] = deque(maxlen=INTERVALS)
         self._stamp_s = -math.inf
-        self._owed = 0  # messages in time until the sender is no longer late
+        self._since_late, self._in_time = 0, 0  # messages since the first late one; in time in a row
         self.late_at_s = math.inf
 
     def step(self, stamp_s: float, *, came_s: float) -> None:
         """Take a message that came at ``came_s``; one with the stamp of the last changes nothing."""
         if not self._stamp_s < stamp_s < math.inf:
             return
-        self._owed = RECOVERED if came_s >= self.late_at_s else max(self._owed - 1, 0)
+        was_late = came_s >= self.late_at_s
+        self._in_time = 0 if was_late else self._in_time + 1
+        if self._in_time >= RECOVERED:
+            self._since_late = 0
+        elif was_late or self._since_late:
+            self._since_late += 1
         if math.isfinite(self._stamp_s):
             self._intervals_s.append(stamp_s - self._stamp_s)
         self._stamp_s = stamp_s
@@ -53,7 +59,7 @@ class _Sender:
 
     def is_late(self, now_s: float) -> bool:
         """Whether the next message has not come in time, or the last ones did not."""
-        return self._owed > 0 or self.late_at_s <= now_s
+        return 0 < self._since_late <= INTERVALS or self.late_at_s <= now_s
 
 
 class Lateness:

@@ -32,7 +32,7 @@ class Mode(StrEnum):
 
 
 class Stop(StrEnum):
-    """Deceleration that the supervisor demands: that of a STOP; in another mode until a late message comes."""
+    """Deceleration that the supervisor demands: that of a STOP; in another mode until late messages are in time."""
 
     NONE = "none"
     COMFORT = "comfort"  # -1 m/s²
@@ -97,7 +97,7 @@ class SteeringEstimate:
     curvature_rate_1pm2: float | None = None  # dκ/ds of the lane
     lookahead_m: float  # where curvature_1pm holds
     road_wheel_angle_rad: float | None = None  # atan(L·κ_cmd): free of speed and of understeer
-    confidence: float  # 0..1, calibrated: 0 = no estimate
+    confidence: float  # 0..1, calibrated: 0 = no estimate; NaN: the newest frame cannot be used
     lanes_detected: int = 0  # detected boundaries of the ego lane: 0, 1 or 2
     lane_width_m: float | None = None
     latency_ms: float | None = None  # time spent on this estimate; filled by the shell, None in lock-step

@@ -132,7 +132,7 @@ class Recall:
 
     def estimates_of(self, frame: CompressedFrame) -> dict[str, SteeringEstimate]:
         """The estimates from ``frame``, of those that arrived within _FRAME_WITHIN_S of its capture."""
-        found = {}
+        found: dict[str, SteeringEstimate] = {}
         for name in self.estimators:
             arrived = self.series[estimate_topic(name).key]
             first = bisect_left(arrived.at_s, frame.t_s - _FRAME_WITHIN_S)
@@ -140,7 +140,7 @@ class Recall:
             for place in range(first, last):
                 estimate = _valid(arrived, place)
                 if estimate is not None and abs(estimate.t_s - frame.t_s) < 1e-6:
-                    found[name] = estimate
+                    found.setdefault(name, estimate)  # a broken one may follow it
         return found
 
     def frame_at(self, index: int) -> CompressedFrame | None:

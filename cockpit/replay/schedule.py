@@ -21,7 +21,7 @@ class Step:
     began_s: float  # time of the nodes
     reads: dict[str, int | None]  # key of each input but the image -> place of the message; None: none so far
     output: int | None  # place of its output; None: not recorded
-    broken: tuple[str, ...] = ()  # keys of inputs whose newest message was malformed
+    broken: tuple[str, ...] = ()  # keys of inputs whose newest message was broken
     sent_s: dict[str, float] = field(default_factory=dict)  # publication of the messages, by its report
     starts: bool = False  # the first one of a new node
 

@@ -42,7 +42,11 @@ def correction_log(path: Path, network: str, drift: Drift, faults: Faults) -> Lo
     log = read_drive(path, faults, labels_of=EXPERT)
     recorded = read_recording(path, estimate_topic(EXPERT).key, estimate_topic(network).key)
     expert, driven = (
-        {nanoseconds(one.t_s): one for _, one in recorded.of(estimate_topic(name))}
+        {
+            nanoseconds(one.t_s): one
+            for _, one in recorded.of(estimate_topic(name))
+            if not math.isnan(one.confidence)
+        }
         for name in (EXPERT, network)
     )
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trepid.bounds import at_least
 from trepid.config import InputError
 from trepid.messages import PixelPath, SteeringEstimate
 from trepid.types import Image
@@ -107,7 +108,7 @@ def _panel(canvas: Image, estimate: SteeringEstimate, colour: Colour) -> Image:
     text(canvas, "confidence", (x, round(16 * unit)), 0.36 * unit, (190, 190, 190))
     top, bottom = round(24 * unit), round(36 * unit)
     cv2.rectangle(canvas, (x, top), (x + bar, bottom), (80, 80, 80), -1)
-    cv2.rectangle(canvas, (x, top), (x + round(bar * estimate.confidence), bottom), colour, -1)
+    cv2.rectangle(canvas, (x, top), (x + round(bar * at_least(estimate.confidence, 0.0)), bottom), colour, -1)
     text(canvas, f"{estimate.confidence:.2f}", (x + round(34 * unit), round(34.5 * unit)), 0.36 * unit, WHITE)
     if estimate.reason:
         text(canvas, estimate.reason, (round(12 * unit), round(62 * unit)), 0.45 * unit, colour)

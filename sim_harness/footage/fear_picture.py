@@ -7,6 +7,7 @@ from perception.images.annotate import PANEL, enlarged, with_lane
 from perception.images.fear_strip import with_decision
 from perception.images.frames import FrameResult
 from sim_harness.footage.onlooker import Onlooked
+from trepid.bounds import at_least
 from trepid.messages import PixelPath, SteeringEstimate
 from trepid.types import Image
 
@@ -32,7 +33,7 @@ def with_lanes(image: Image, seen: Onlooked) -> Image:
 def dashed(canvas: Image, estimate: SteeringEstimate, scale: float) -> None:
     """Draw the boundaries of ``estimate`` as dashes, fainter with less confidence."""
     unit = max(1, round(canvas.shape[1] / 480))
-    fade = 0.35 + 0.65 * estimate.confidence
+    fade = 0.35 + 0.65 * at_least(estimate.confidence, 0.0)
     colour = tuple(round(fade * channel) for channel in DASHED)
     for path in (estimate.left_boundary_px, estimate.right_boundary_px):
         for start, end in _dashes(path):

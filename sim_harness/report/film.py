@@ -11,6 +11,7 @@ from perception.estimators import Estimator
 from perception.images.annotate import annotated, with_lane
 from sim_harness.lockstep.closed_loop import Instant, Parts, Result, Witness, build_parts, run
 from sim_harness.scenarios.scenario import Scenario
+from trepid.bounds import at_least
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Image
 
@@ -124,7 +125,7 @@ def _drawn(
     image = cv2.imdecode(np.frombuffer(shot.jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert image is not None  # encoded by this module
     found = {name: one for name, one in shot.estimates.items() if one.left_boundary_px}
-    sure = max(found or shot.estimates, key=lambda name: shot.estimates[name].confidence)
+    sure = max(found or shot.estimates, key=lambda name: at_least(shot.estimates[name].confidence, 0.0))
     shown = cv2.resize(draw(image.astype(np.uint8), shot.estimates[sure]), size, interpolation=cv2.INTER_AREA)
     _, jpeg = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return jpeg.tobytes(), sure

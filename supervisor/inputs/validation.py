@@ -32,7 +32,7 @@ class ValidationSettings(Settings):
     state_fresh_s: Positive  # older vehicle states are not used
     unused_frozen_s: Positive  # lanes in an image that has repeated itself for longer are not used ...
     moving_mps: Positive  # ... while the car moves at least so fast
-    late: LatenessLimits  # of the messages for every frame: the car brakes until a late one comes
+    late: LatenessLimits  # of the messages for every frame: the car brakes until late ones are in time
     lost_s: Positive  # a process that has sent messages and none for this long is lost
     min_confidence: Positive  # estimates below are not used
     max_offset_m: Positive  # a message with a number beyond these is broken

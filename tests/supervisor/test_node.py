@@ -70,7 +70,7 @@ class Idle:
     """A node whose supervisor decides nothing, on a clock of its own."""
 
     def __init__(self, *, late_at_s: float = math.inf) -> None:
-        self.now_s, self.decided = 0.0, 0
+        self.now_s, self.decided, self.lead_sent_s = 0.0, 0, math.nan
         self.inputs: dict[str, Any] = {}
 
         def latest(topic: Any, wakes: bool = True) -> Any:
@@ -78,8 +78,9 @@ class Idle:
                 topic.key, SimpleNamespace(message=None, broken=False, stamp=UNSTAMPED)
             )
 
-        def step(*_: object, **__: object) -> Any:
+        def step(*_: object, **given: Any) -> Any:
             self.decided += 1
+            self.lead_sent_s = given["lead_sent_s"]
             return SimpleNamespace(t_s=None)
 
         me: Any = SimpleNamespace(
@@ -107,6 +108,13 @@ def test_it_decides_when_a_message_becomes_late_and_not_only_when_it_is_idle() -
     assert [idle.turn_at(t_s) for t_s in (0.0, 0.051)] == [0, 1]
     assert idle.node.due_s() == pytest.approx(0.009)
     assert [idle.turn_at(t_s) for t_s in (0.059, 0.061)] == [1, 2]
+
+
+def test_the_publication_of_the_lead_reaches_the_step() -> None:
+    idle = Idle()
+    idle.inputs[LEAD_VEHICLE.key].stamp = Stamp(7, 0.02, b"lead")
+    idle.turn_at(0.051)
+    assert idle.lead_sent_s == 0.02
 
 
 def test_it_decides_at_once_on_a_report_of_a_lost_process() -> None:

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from trepid.lateness import RECOVERED, Lateness, LatenessLimits
+from trepid.lateness import INTERVALS, RECOVERED, Lateness, LatenessLimits
 
 LIMITS = LatenessLimits(periods=2.5, least_s=0.0625)
 
@@ -43,11 +43,14 @@ def test_messages_in_time_end_the_lateness_and_one_long_gap_changes_no_period() 
     assert lateness.next_s == back_s + (RECOVERED + 2.5) * 0.03125
 
 
-def test_a_sender_whose_messages_come_in_time_only_now_and_then_stays_late() -> None:
+def test_a_sender_that_is_late_now_and_then_stays_late_until_this_is_usual() -> None:
     lateness, t_s = after(0.03125)
-    for n in range(12):
+    found = []
+    for n in range(2 * INTERVALS):
         t_s += 0.125 if n % 3 == 0 else 0.03125
-        assert lateness.step({"cv": t_s}, now_s=t_s) == {"cv"}
+        found.append(bool(lateness.step({"cv": t_s}, now_s=t_s)))
+    assert found == [True] * INTERVALS + [False] * INTERVALS
+    assert lateness.step({}, now_s=t_s + 0.125)  # the next one is late all the same
 
 
 def test_a_message_that_lay_unread_counts_from_its_arrival_and_never_from_the_future() -> None:

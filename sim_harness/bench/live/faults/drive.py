@@ -78,12 +78,16 @@ class FaultDrive(DriveProgram):
         self.now_s = epoch_clock(self.running.clock_offset_ns)
 
     def prefer(self) -> None:
-        """Give all threads of the drive the niceness FIRST."""
+        """Give all threads of the drive the niceness FIRST, but for processes with a niceness of their own."""
+        if not FIRST:
+            return
         for pid in (self.popen.pid, *self.pids().values()):
-            for task in Path(f"/proc/{pid}/task").glob("*"):
-                with suppress(ProcessLookupError):
+            with suppress(ProcessLookupError):
+                if os.getpriority(os.PRIO_PROCESS, pid):
+                    continue
+                for task in Path(f"/proc/{pid}/task").glob("*"):
                     os.setpriority(os.PRIO_PROCESS, int(task.name), FIRST)
-            set_niceness(pid, FIRST)
+                set_niceness(pid, FIRST)
 
     def forget(self) -> None:
         """Drop the events so far, but for the last place."""

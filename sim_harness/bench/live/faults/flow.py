@@ -22,10 +22,8 @@ BEGIN_S = 75.0  # greatest time to the first motion: all processes start
 CRUISE_S = 15.0  # greatest time to the cruise speed
 STAND_S = 6.0  # greatest time to standstill after a fault that has to stop the car
 UNHARMED_S = 2.0  # duration of a fault that must not stop it
-RESUME_S, RENEW_S = (
-    1.2,
-    6.0,
-)  # greatest time to start again by itself, and after a new start of the supervisor
+RESUME_S = 2.0  # greatest time to start again by itself
+RENEW_S = 6.0  # ... and after a new start of the supervisor
 STARTED_MPS = 0.3
 PHASE_S = 0.1  # injections are spread over this time, longer than any period
 BY_ITSELF, RENEWED, NOT_AT_ALL, KEPT = "by itself", "after a new start", "no", "never stopped"

@@ -23,7 +23,7 @@ TASKS = [
 
 def row(fault: str = "kill-cv", **changes: Any) -> dict[str, Any]:
     calm = dict(
-        wire=SIM, fault=fault, number=0, load=1.0, observable_ms=0.0, reaction_ms=50.0, braked_ms=50.0
+        wire=SIM, fault=fault, number=0, load=1.0, observable_ms=0.0, reaction_ms=50.0, braked_ms=50.0, jobs=1
     )
     end = dict(stood_s=3.0, departures=0, resumed=None, hung=False, orphans=[], recording="complete")
     return calm | end | changes
@@ -56,7 +56,7 @@ def test_several_drives_at_a_time_give_every_episode_one_row_and_repeat_what_a_d
         with lock:
             at_once, drives = at_once + 1, drives + 1
             most, broken, short = max(most, at_once), drives % 3 == 0, drives % 3 == 1
-        time.sleep(0.002)
+        time.sleep(0.02)
         with lock:
             at_once -= 1
         if broken:
@@ -67,7 +67,7 @@ def test_several_drives_at_a_time_give_every_episode_one_row_and_repeat_what_a_d
     rows: list[dict[str, Any]] = []
     bench.drive_all(list(TASKS), jobs, rows.append)
     assert sorted(map(case, map(bench.task_of, rows))) == sorted(map(case, TASKS))
-    assert 1 <= most <= jobs
+    assert most == jobs
 
 
 def test_drives_that_never_begin_end_the_benchmark(monkeypatch: pytest.MonkeyPatch) -> None:
