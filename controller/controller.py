@@ -148,8 +148,7 @@ class Controller:
     ) -> Command:
         """The command for ``now_s`` [s]; always finite, and braking where an input is not good.
 
-        ``malformed``: the newest message of an input cannot be decoded, or is of a clock that stepped back;
-        ``decision`` or ``state`` is an older one.
+        ``malformed``: the newest message of an input is, or its clock stepped back; the one given here is older.
         ``losses``: the newest report of the launcher.
         """
         decision = self._reference.enlarged("decision", decision)
