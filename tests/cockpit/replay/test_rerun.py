@@ -13,7 +13,7 @@ from recorded_rig import recorded
 from typer.testing import CliRunner
 
 from cockpit.logbook.recall import recall
-from cockpit.replay.nodes import nodes_of, settings_of
+from cockpit.replay.nodes import Inputs, nodes_of, settings_of
 from cockpit.replay.rerun import Rerun, rerun
 from cockpit.replay.tape import Tape
 from sim_harness.scenarios.chosen_estimators import changes_of
@@ -204,7 +204,7 @@ def test_malformed_losses_raise_no_fear_as_in_a_drive(unseen: Path) -> None:
     with settings_of(tape, None) as setup:
         node = nodes_of(tape, setup)["supervisor"]
         nothing = dict.fromkeys((topic.key for topic in node.inputs), None)
-        sound, torn = (node.build()(nothing, 1000.0, broken) for broken in ((), (LOSSES.key,)))
+        sound, torn = (node.build()(Inputs(nothing, 1000.0, broken)) for broken in ((), (LOSSES.key,)))
     assert repr(torn) == repr(sound)
 
 
