@@ -148,7 +148,7 @@ class Controller:
     ) -> Command:
         """The command for ``now_s`` [s]; always finite, and braking where an input is not good.
 
-        ``malformed``: the newest message of an input is, or its clock stepped back; the one given here is older.
+        ``malformed``: an input is malformed, or of a clock that stepped back; the one that is given is older.
         ``losses``: the newest report of the launcher.
         """
         decision = self._reference.enlarged("decision", decision)
