@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from itertools import islice
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
@@ -92,8 +92,12 @@ def task_of(row: Row) -> Task:
 
 
 def drive_all(left: list[Task], jobs: int, keep: Callable[[Row], None]) -> None:
-    """Drive until every episode of ``left`` has a row. Raises InputError after FAILURES drives without any."""
-    interrupted, failures = threading.Event(), 0
+    """Drive until every episode of ``left`` has a row.
+
+    Raises InputError after FAILURES drives of a wire without any, and the error of a drive. The rows of others that
+    ended at the same time are kept.
+    """
+    interrupted, failures = threading.Event(), dict.fromkeys(WIRES, 0)
     running: dict[Future[list[Row]], list[Task]] = {}
     with ThreadPoolExecutor(jobs) as pool:
         try:
@@ -103,17 +107,19 @@ def drive_all(left: list[Task], jobs: int, keep: Callable[[Row], None]) -> None:
                     left = [task for task in left if task not in batch]
                     wire, faults = batch[0][0], [task[1:] for task in batch]
                     running[pool.submit(driven, wire, faults, interrupted)] = batch
-                for drive in wait(running, return_when=FIRST_COMPLETED).done:
+                ended = wait(running, return_when=FIRST_COMPLETED).done
+                rows_of = {drive: [] if drive.exception() else drive.result() for drive in ended}
+                for row in chain.from_iterable(rows_of.values()):
+                    keep(row | {"jobs": jobs})
+                for drive, rows in rows_of.items():
                     batch, error = running.pop(drive), drive.exception()
                     if error is not None and not isinstance(error, InputError):
                         raise error
-                    rows = [] if error else drive.result()
-                    failures = 0 if rows else failures + 1
-                    if failures == FAILURES:
+                    wire = batch[0][0]
+                    failures[wire] = 0 if rows else failures[wire] + 1
+                    if failures[wire] == FAILURES:
                         why = error or "the car did not come to its speed"
                         raise InputError(f"{FAILURES} drives in a row gave no episode; the last one: {why}")
-                    for row in rows:
-                        keep(row | {"jobs": jobs})
                     done = [task_of(row) for row in rows]
                     left = [task for task in batch if task not in done] + left
         finally:

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from concurrent.futures import wait
 from typing import Any
 
 import pytest
@@ -9,8 +10,8 @@ import pytest
 from sim_harness.bench.live.faults import bench
 from sim_harness.bench.live.faults.bench import SURVIVED, bench_faults, case, next_drive, table
 from sim_harness.bench.live.faults.catalogue import CAN, FAULTS, SIM, WIRES, Act, Fault
-from sim_harness.bench.live.faults.course import processes
-from trepid.config import InputError
+from sim_harness.bench.live.faults.course import REALTIME, processes
+from trepid.config import CONFIG_DIR, InputError, read
 
 TASKS = [
     (wire, fault, number)
@@ -46,16 +47,16 @@ def test_every_episode_is_driven_once_and_at_most_one_fault_ends_a_drive() -> No
 def test_several_drives_at_a_time_give_every_episode_one_row_and_repeat_what_a_drive_left_out(
     monkeypatch: pytest.MonkeyPatch, jobs: int
 ) -> None:
-    at_once, most, drives = 0, 0, 0
+    at_once, most, drives = 0, 0, dict.fromkeys(WIRES, 0)
     lock = threading.Lock()
 
     def driven(
         wire: str, faults: list[tuple[Fault, int]], interrupted: threading.Event
     ) -> list[dict[str, Any]]:
-        nonlocal at_once, most, drives
+        nonlocal at_once, most
         with lock:
-            at_once, drives = at_once + 1, drives + 1
-            most, broken, short = max(most, at_once), drives % 3 == 0, drives % 3 == 1
+            at_once, drives[wire] = at_once + 1, drives[wire] + 1
+            most, broken, short = max(most, at_once), drives[wire] % 3 == 0, drives[wire] % 3 == 1
         time.sleep(0.02)
         with lock:
             at_once -= 1
@@ -77,6 +78,47 @@ def test_drives_that_never_begin_end_the_benchmark(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(bench, "driven", driven)
     with pytest.raises(InputError, match="4 drives in a row gave no episode; the last one: no bus"):
         bench.drive_all(list(TASKS), 2, lambda row: None)
+
+
+def test_one_wire_that_never_begins_ends_the_benchmark_beside_one_that_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def driven(wire: str, faults: list[tuple[Fault, int]], _: object) -> list[dict[str, Any]]:
+        if wire == CAN:
+            raise InputError("no bus")
+        return [row(fault.name, wire=wire, number=number) for fault, number in faults]
+
+    in_turns = [
+        task for pair in zip(*([t for t in TASKS if t[0] == w] for w in WIRES), strict=False) for task in pair
+    ]
+    monkeypatch.setattr(bench, "driven", driven)
+    monkeypatch.setattr(bench, "next_drive", lambda left: left[:1])
+    with pytest.raises(InputError, match="no bus"):
+        bench.drive_all(in_turns, 2, lambda row: None)
+
+
+def test_the_rows_of_a_drive_are_kept_when_the_one_that_ended_with_it_fails(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first, second = TASKS[:2]
+    both = threading.Barrier(2)
+
+    def driven(wire: str, faults: list[tuple[Fault, int]], _: object) -> list[dict[str, Any]]:
+        both.wait()
+        if faults[0] == first[1:]:
+            raise ValueError("no room")
+        return [row(fault.name, wire=wire, number=number) for fault, number in faults]
+
+    def wait_for_all(running: Any, return_when: str) -> Any:
+        return wait(running)
+
+    monkeypatch.setattr(bench, "driven", driven)
+    monkeypatch.setattr(bench, "next_drive", lambda left: left[:1])
+    monkeypatch.setattr(bench, "wait", wait_for_all)
+    rows: list[dict[str, Any]] = []
+    with pytest.raises(ValueError, match="no room"):
+        bench.drive_all([first, second], 2, rows.append)
+    assert [bench.task_of(kept) for kept in rows] == [second]
 
 
 def test_counts_grow_evenly() -> None:
@@ -138,3 +180,13 @@ def test_commands_are_reported_where_they_act_on_the_car(wire: str, tmp_path: An
         if "applied" in entry["options"]
     }
     assert applied == ({"ecu": "ecu"} if wire == CAN else {"vehicle": "limiter"})
+
+
+def test_what_brakes_the_car_has_the_real_time_class_of_the_template_shuttle(tmp_path: Any) -> None:
+    template = read(CONFIG_DIR / "cars" / "shuttle" / "processes.yaml")["processes"]
+    of_template = {name for name, entry in template.items() if entry and entry.get("options") == REALTIME}
+    assert of_template == {"controller", "vehicle"}
+    given = processes(CAN, tmp_path)
+    assert {name for name, entry in given.items() if "realtime" in entry["options"]} == of_template
+    assert all(given[name]["options"]["realtime"] == REALTIME["realtime"] for name in of_template)
+    assert not any("realtime" in entry["options"] for entry in processes(SIM, tmp_path).values())
