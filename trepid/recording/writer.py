@@ -20,6 +20,7 @@ from trepid.bus import Bus
 from trepid.clock import nanoseconds
 from trepid.config import InputError, car_folder
 from trepid.messages import Diagnostic
+from trepid.recording.chunks import pack_indices
 from trepid.recording.notes import RULES
 from trepid.topics import CAMERA_IMAGE, topic_of
 from trepid.wire import definition, ros_name
@@ -117,6 +118,7 @@ class Recording:
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from error
         self._writer = Writer(self._file, compression=CompressionType.ZSTD)
+        pack_indices(self._writer)
         self._channels: dict[str, int] = {}
         self._flushed_s: float | None = None
         self._refused = False  # the disk has refused a part
