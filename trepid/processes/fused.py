@@ -21,6 +21,7 @@ from trepid.config import InputError, Settings
 from trepid.messages import Health
 from trepid.processes.access import published_by
 from trepid.processes.process import Process, Values, process
+from trepid.processes.realtime import OPTION
 from trepid.processes.settings import RESERVED, ProcessSpec, missing_module, module_spec
 from trepid.processes.turns import NodeModule, repeat
 
@@ -135,9 +136,9 @@ def run(me: Process) -> None:
         for spec in specs:
             module = cast(NodeModule, importlib.import_module(spec.module))
             nodes.append(stack.enter_context(module.node(heartbeats.part(spec))))
-        me.ready(values=heartbeats.values)
-        priorities = [spec.options["realtime"] for spec in specs if "realtime" in spec.options]
-        repeat(me, *nodes, realtime=max(priorities, default=None))
+        priorities = [spec.options[OPTION] for spec in specs if OPTION in spec.options]
+        me.ready(values=heartbeats.values, realtime=max(priorities, default=None))
+        repeat(me, *nodes)
 
 
 if __name__ == "__main__":

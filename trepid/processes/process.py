@@ -23,6 +23,7 @@ from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock
 from trepid.config import BAD_INPUT, InputError, Settings
 from trepid.messages import Diagnostic, Health
+from trepid.processes.realtime import OPTION, prefer
 from trepid.security import session_settings
 from trepid.speech.loudness import warn
 from trepid.topics import DIAGNOSTICS, VEHICLE_STATE, Topic
@@ -84,13 +85,17 @@ class Process:
         """False after a request to end."""
         return not self._stop.is_set()
 
-    def ready(self, *, values: Callable[[], Values] = tuple) -> None:
+    def ready(self, *, values: Callable[[], Values] = tuple, realtime: int | None = None) -> None:
         """Publish that the process is set up; the launcher waits for this heartbeat of every process.
 
-        ``values`` is called at every heartbeat and returns further values to publish with it.
+        ``values`` is called at every heartbeat and returns further values to publish with it. The threads of the
+        process get the real-time class from here on, with the priority ``realtime``, or else that of its option.
         """
         self._further = values
         self.beat(Health.OK, READY)
+        refused = prefer(self.options.get(OPTION) if realtime is None else realtime)
+        if refused:
+            self.beat(Health.WARN, refused)
 
     def stepped(self, health: Health = Health.OK, message: str = "") -> None:
         """Count one step; publish the heartbeat once a second and at every change."""

@@ -27,6 +27,7 @@ from trepid.config import (
     wrong_at,
 )
 from trepid.plugins import Group, added
+from trepid.processes.realtime import OPTION, PRIORITIES
 from trepid.security import AUTHORITY, OBSERVER
 from trepid.spelling import did_you_mean
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, DRIVER_INPUT, STOP_REQUEST, VEHICLE_STATE
@@ -233,6 +234,10 @@ def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:
         problem = missing_program(entry)
         if problem:
             _refuse((*where, given[0]), problem, data)
+        priority = entry.options.get(OPTION, PRIORITIES[0])
+        if isinstance(priority, bool) or priority not in PRIORITIES:
+            span = f"{PRIORITIES[0]} to {PRIORITIES[-1]}"
+            _refuse((*where, "options", OPTION), f"{priority!r} is no priority; it is {span}", data)
         for number, key in enumerate(entry.topics):
             other = publishers.setdefault(key, name)
             if other != name:

@@ -5,29 +5,11 @@ the other, in the order of the data flow, so that the output of one is there at 
 """
 
 import gc
-import os
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import Protocol
 
-from trepid.messages import Health
 from trepid.processes.process import Process, process
-
-
-def prefer(priority: int | None) -> str:
-    """Put all threads of this process into the real-time class SCHED_RR; None: leave them as they are.
-
-    Returns why the system refuses, else "".
-    """
-    if priority is None:
-        return ""
-    try:
-        for thread in Path("/proc/self/task").iterdir():
-            os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(priority))
-    except OSError as error:
-        return f"no real-time class: {error.strerror}; it needs CAP_SYS_NICE or RLIMIT_RTPRIO, and Linux"
-    return ""
 
 
 class Node(Protocol):
@@ -50,15 +32,8 @@ class NodeModule(Protocol):
         ...
 
 
-def repeat(me: Process, *nodes: Node, realtime: int | None = None) -> None:
-    """Let ``nodes`` take turns until the process is to stop.
-
-    ``realtime``, or else the option of this name of the process, is the priority, 1 to 99, of the real-time class
-    that its threads get.
-    """
-    refused = prefer(me.options.get("realtime") if realtime is None else realtime)
-    if refused:
-        me.beat(Health.WARN, refused)
+def repeat(me: Process, *nodes: Node) -> None:
+    """Let ``nodes`` take turns until the process is to stop."""
     gc.collect()
     gc.freeze()  # later collections, which stop the process, skip the objects that exist now
     while me.running():

@@ -43,8 +43,8 @@ def fused(**options: dict[str, Any]) -> Any:
     module = sys.modules[__name__].__name__
     seen = SimpleNamespace(waits=[], states=[], values=())
 
-    def ready(*, values: Any) -> None:
-        seen.values = values()
+    def ready(*, values: Any, realtime: int | None) -> None:
+        seen.values, seen.realtime = values(), realtime
 
     def wait(*, timeout_s: float) -> None:
         seen.waits.append(timeout_s)
@@ -77,6 +77,14 @@ def test_the_one_heartbeat_has_the_worst_health_and_the_values_of_all_nodes() ->
     seen = fused(cv=dict(due_s=1, warns="no frames"), controller=dict(due_s=1))
     assert seen.states[-1] == (Health.WARN, "cv: no frames")
     assert seen.values == (("value of cv", "1"), ("value of controller", "1"))
+
+
+def test_a_shared_process_has_the_highest_real_time_priority_of_its_nodes() -> None:
+    assert fused(cv=dict(due_s=1), controller=dict(due_s=1)).realtime is None
+    seen = fused(
+        cv=dict(due_s=1, realtime=10), supervisor=dict(due_s=1), controller=dict(due_s=1, realtime=20)
+    )
+    assert seen.realtime == 20
 
 
 def test_a_node_without_a_module_is_refused() -> None:

@@ -14,8 +14,8 @@ SPEED_MPS = 3.0
 FIRST = -10 if os.geteuid() == 0 else 0
 """Niceness of the processes of a drive that has begun, where the system permits it: neither other programs of the
 machine nor the start of another drive are the fault."""
-REALTIME = {"realtime": 20}
-"""Priority of controller and vehicle process of a real car, as in the template ``shuttle``."""
+REALTIME = {"supervisor": 10, "controller": 20, "vehicle": 20}
+"""Real-time priorities on a real car, as in the template ``shuttle``."""
 GROUP = "239.74.163.2"
 PERCEPTION: dict[str, tuple[str, dict[str, Any]]] = {
     "cv": ("perception.node", {"estimator": "cv", "statistics": True}),
@@ -100,9 +100,10 @@ def processes(wire: str, control: Path) -> dict[str, Any]:
     }
     found["camera"] = hosted("sim_harness.live.camera_node", PUBLISHED["camera"])
     if wire == CAN:
-        found["controller"] = hosted("controller.node", PUBLISHED["controller"], **REALTIME)
-        found["vehicle"] = hosted("vehicle.actuators.node", ["vehicle/state"], **REALTIME)
+        found["vehicle"] = hosted("vehicle.actuators.node", ["vehicle/state"])
         found["ecu"] = hosted("sim_harness.counterparts.ecu", ["sim/truth"], applied="ecu") | once
+        for name, priority in REALTIME.items():
+            found[name]["options"]["realtime"] = priority
     else:
         found["vehicle"] = (
             hosted("sim_harness.live.vehicle_node", ["vehicle/state", "sim/truth"], applied="limiter") | once

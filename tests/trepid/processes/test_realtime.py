@@ -1,0 +1,72 @@
+"""The real-time class of a process."""
+
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trepid.messages import Diagnostic, Health
+from trepid.processes.process import READY, Assignment, Process
+
+
+class SilentBus:
+    """A bus that keeps what is published."""
+
+    def __init__(self) -> None:
+        self.sent: list[Diagnostic] = []
+
+    def publisher(self, _topic: Any) -> Any:
+        return self.sent.append
+
+    def malformed(self) -> dict[str, int]:
+        return {}
+
+
+def ready(option: int | None = None, *, realtime: int | None = None) -> list[tuple[Health, str]]:
+    """Health and message of the heartbeats of a process with the ``option`` realtime that becomes ready."""
+    options = {} if option is None else {"realtime": option}
+    bus: Any = SilentBus()
+    assignment = Assignment(name="one", vehicle_name="v", connect="", clock_offset_ns=0, options=options)
+    Process(assignment, bus, threading.Event()).ready(realtime=realtime)
+    return [(beat.health, beat.message) for beat in bus.sent]
+
+
+@pytest.fixture
+def given(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int, int]]:
+    """Thread, class and priority of each change."""
+    changes: list[tuple[int, int, int]] = []
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda tid, policy, p: changes.append((tid, policy, p.sched_priority))
+    )
+    return changes
+
+
+def test_a_refused_real_time_class_is_reported_once_the_process_is_ready(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    first, (health, message) = ready(10)
+    assert first == (Health.OK, READY)
+    assert health is Health.WARN
+    assert "no real-time class: Operation not permitted" in message
+
+
+def test_every_thread_of_a_process_gets_the_class_of_its_option(given: list[tuple[int, int, int]]) -> None:
+    assert ready(10) == [(Health.OK, READY)]
+    assert (os.getpid(), os.SCHED_RR, 10) in given
+    assert len(given) == len([*Path("/proc/self/task").iterdir()])
+
+
+def test_the_priority_of_a_shared_process_counts_before_an_option(given: list[tuple[int, int, int]]) -> None:
+    ready(10, realtime=20)
+    assert {priority for _, _, priority in given} == {20}
+
+
+def test_without_a_priority_the_class_stays(given: list[tuple[int, int, int]]) -> None:
+    assert ready() == [(Health.OK, READY)]
+    assert given == []
