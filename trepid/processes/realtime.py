@@ -1,6 +1,7 @@
 """The real-time class of a process: its option ``realtime``."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 OPTION = "realtime"
@@ -17,7 +18,8 @@ def prefer(priority: int | None) -> str:
         return ""
     try:
         for thread in Path("/proc/self/task").iterdir():
-            os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(priority))
+            with suppress(ProcessLookupError):  # it has ended
+                os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(priority))
     except OSError as error:
         return f"no real-time class: {error.strerror}; it needs CAP_SYS_NICE or RLIMIT_RTPRIO, and Linux"
     return ""

@@ -62,6 +62,26 @@ def test_every_thread_of_a_process_gets_the_class_of_its_option(given: list[tupl
     assert len(given) == len([*Path("/proc/self/task").iterdir()])
 
 
+def test_a_thread_that_has_ended_refuses_nothing_for_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    changed: list[int] = []
+
+    def ended_or_changed(tid: int, *_: object) -> None:
+        if tid == os.getpid():
+            raise ProcessLookupError(3, "No such process")
+        changed.append(tid)
+
+    monkeypatch.setattr(os, "sched_setscheduler", ended_or_changed)
+    other = threading.Event()
+    thread = threading.Thread(target=other.wait)
+    thread.start()
+    try:
+        assert ready(10) == [(Health.OK, READY)]
+    finally:
+        other.set()
+        thread.join()
+    assert thread.native_id in changed
+
+
 def test_the_priority_of_a_shared_process_counts_before_an_option(given: list[tuple[int, int, int]]) -> None:
     ready(10, realtime=20)
     assert {priority for _, _, priority in given} == {20}
