@@ -14,6 +14,8 @@ from pathlib import Path
 
 from cockpit.car.finding import Finding
 from trepid.config import InputError
+from trepid.processes.realtime import OPTION
+from trepid.processes.settings import load_processes
 from trepid.recording.ring import MB, ring_settings, state_folder
 
 CLOCK_SOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
@@ -160,8 +162,17 @@ def ring() -> Finding:
 
 def real_time() -> Finding:
     """Permission for real-time scheduling and for negative niceness; a drive runs without."""
-    soft, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
-    return judged_real_time(soft > 0 or (os.geteuid() == 0 and _may_be_real_time()))
+    soft, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)  # the greatest priority
+    return judged_real_time(soft >= _highest_priority() or (os.geteuid() == 0 and _may_be_real_time()))
+
+
+def _highest_priority() -> int:
+    """Of the processes of the car in use; 1 without any, and for an invalid file, which another check reports."""
+    try:
+        specs = load_processes()
+    except InputError:
+        specs = ()
+    return max((spec.options.get(OPTION) or 1 for spec in specs), default=1)
 
 
 def judged_real_time(permitted: bool) -> Finding:

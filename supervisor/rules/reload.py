@@ -20,6 +20,7 @@ from supervisor.rules.verify import load_verified
 from trepid.config import ROOT, InputError, read_text
 from trepid.messages import Health
 from trepid.processes.process import Values
+from trepid.processes.realtime import leave
 from trepid.recording.notes import RULES, RULES_FROM_S
 
 TIMEOUT_S = 60.0  # greatest time to read a file: usually about a second, ten on a busy computer
@@ -104,7 +105,11 @@ def _text(path: Path) -> str | None:
 
 
 def reread(path: Path) -> RuleChange:
-    """The rules in the file at ``path``, read and verified by another process."""
+    """The rules in the file at ``path``, read and verified by another process.
+
+    It computes for about a second: this thread leaves the real-time class of its process, so that it has none.
+    """
+    leave()
     command = [sys.executable, "-m", "supervisor.rules.reload", str(path)]
     try:
         done = subprocess.run(command, cwd=ROOT, capture_output=True, timeout=TIMEOUT_S, check=False)

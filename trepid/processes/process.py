@@ -67,6 +67,7 @@ class Process:
         self._send = bus.publisher(DIAGNOSTICS)
         self._further: Callable[[], Values] = tuple
         self._steps = 0
+        self._refused = ""  # why it has no real-time class
         self._reported = (Health.OK, "")
         self._malformed: dict[str, int] = {}  # counts at the last heartbeat
         self._warned = False  # the last heartbeat reported malformed messages
@@ -89,13 +90,14 @@ class Process:
         """Publish that the process is set up; the launcher waits for this heartbeat of every process.
 
         ``values`` is called at every heartbeat and returns further values to publish with it. The threads of the
-        process get the real-time class from here on, with the priority ``realtime``, or else that of its option.
+        process get the real-time class from here on, with the priority ``realtime``, or else that of its option;
+        every heartbeat says why the system refuses it.
         """
         self._further = values
         self.beat(Health.OK, READY)
-        refused = prefer(self.options.get(OPTION) if realtime is None else realtime)
-        if refused:
-            self.beat(Health.WARN, refused)
+        self._refused = prefer(self.options.get(OPTION) if realtime is None else realtime)
+        if self._refused:
+            self.beat(Health.WARN, "")
 
     def stepped(self, health: Health = Health.OK, message: str = "") -> None:
         """Count one step; publish the heartbeat once a second and at every change."""
@@ -121,7 +123,8 @@ class Process:
         self._malformed, self._warned = malformed, bool(new)
         if new:
             health = Health.WARN if health is Health.OK else health
-            message = "; ".join(filter(None, (message, f"malformed messages on {', '.join(new)}")))
+            message = joined(message, f"malformed messages on {', '.join(new)}")
+        message = joined(message, self._refused)
         wall_s = max(time.monotonic() - self._beat_s, 1e-3)
         cpu_s = time.process_time() - self._beat_cpu_s
         values = (
@@ -136,6 +139,11 @@ class Process:
         self._steps = 0
         self._beat_s += wall_s
         self._beat_cpu_s += cpu_s
+
+
+def joined(*parts: str) -> str:
+    """The parts of a message that are not empty."""
+    return "; ".join(filter(None, parts))
 
 
 class Ticker:

@@ -234,10 +234,15 @@ def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:
         problem = missing_program(entry)
         if problem:
             _refuse((*where, given[0]), problem, data)
-        priority = entry.options.get(OPTION, PRIORITIES[0])
-        if isinstance(priority, bool) or priority not in PRIORITIES:
+        priority = entry.options.get(OPTION)
+        whole = isinstance(priority, int) and not isinstance(priority, bool)
+        if priority is not None and (not whole or priority not in PRIORITIES):
             span = f"{PRIORITIES[0]} to {PRIORITIES[-1]}"
-            _refuse((*where, "options", OPTION), f"{priority!r} is no priority; it is {span}", data)
+            _refuse(
+                (*where, "options", OPTION),
+                f"{priority!r} is no priority; it is a whole number from {span}",
+                data,
+            )
         for number, key in enumerate(entry.topics):
             other = publishers.setdefault(key, name)
             if other != name:

@@ -1,7 +1,7 @@
 """The index of the chunks of a recording, kept small until its end.
 
-An MCAP file ends with one index record a chunk. The writer of the package `mcap` keeps each as an object of 1.5 kB
-until then, 6 kB a second of a drive; its bytes are a fifth of that.
+An MCAP file ends with one index record a chunk. The writer of the package `mcap` keeps each of them as an object
+until then: 1.4 kB with 16 channels, four times a second. The record itself takes 0.3 kB.
 """
 
 from typing import Any
@@ -36,7 +36,7 @@ class PackedIndices(list[PackedIndex]):
 def pack_indices(writer: Writer) -> None:
     """Let ``writer``, which has written no chunk, keep its indices packed. The file stays the same, byte by byte.
 
-    Raises AttributeError for a version of the package that keeps them elsewhere.
+    A version of the package that keeps them elsewhere goes on to do so: it costs memory, and no recording.
     """
-    getattr(writer, KEPT)
-    setattr(writer, KEPT, PackedIndices())
+    if isinstance(getattr(writer, KEPT, None), list):
+        setattr(writer, KEPT, PackedIndices())

@@ -1,6 +1,7 @@
 """``trepid doctor``: each check judges what it measured, and a failed one says what to do."""
 
 import json
+import os
 import socket
 import sys
 import time
@@ -17,7 +18,7 @@ from cockpit.car.init import Like, write_car
 from trepid.cli import main
 from trepid.config import CAR, ROOT, InputError
 from trepid.messages import VehicleState
-from trepid.processes.settings import load_processes
+from trepid.processes.settings import ProcessSpec, load_processes
 from vehicle.cameras.source import Drive
 from vehicle.keys.certificates import create
 
@@ -203,6 +204,15 @@ def test_the_clock_of_this_machine_is_measured() -> None:
 def test_a_missing_real_time_permission_is_advice() -> None:
     assert machine.judged_real_time(permitted=False).ok
     assert machine.judged_real_time(permitted=False).remedy
+
+
+def test_the_permission_has_to_reach_the_highest_priority_of_the_car(monkeypatch: pytest.MonkeyPatch) -> None:
+    specs = [ProcessSpec("controller", options={"realtime": 20}), ProcessSpec("cv")]
+    monkeypatch.setattr(machine, "load_processes", lambda: specs)
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    for limit, permitted in ((10, False), (20, True)):
+        monkeypatch.setattr(machine.resource, "getrlimit", lambda _, limit=limit: (limit, limit))
+        assert machine.real_time() == machine.judged_real_time(permitted)
 
 
 @pytest.mark.parametrize("healthy", [True, False])

@@ -1,6 +1,8 @@
 """The real-time class of a process."""
 
 import os
+import subprocess
+import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,9 @@ import pytest
 
 from trepid.messages import Diagnostic, Health
 from trepid.processes.process import READY, Assignment, Process
+from trepid.processes.realtime import leave
+
+STEPPED = [(Health.OK, READY), (Health.WARN, "no frames")]
 
 
 class SilentBus:
@@ -25,11 +30,13 @@ class SilentBus:
 
 
 def ready(option: int | None = None, *, realtime: int | None = None) -> list[tuple[Health, str]]:
-    """Health and message of the heartbeats of a process with the ``option`` realtime that becomes ready."""
+    """Health and message of the heartbeats of a process with the ``option`` that becomes ready and steps."""
     options = {} if option is None else {"realtime": option}
     bus: Any = SilentBus()
     assignment = Assignment(name="one", vehicle_name="v", connect="", clock_offset_ns=0, options=options)
-    Process(assignment, bus, threading.Event()).ready(realtime=realtime)
+    me = Process(assignment, bus, threading.Event())
+    me.ready(realtime=realtime)
+    me.stepped(Health.WARN, "no frames")
     return [(beat.health, beat.message) for beat in bus.sent]
 
 
@@ -43,21 +50,22 @@ def given(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int, int]]:
     return changes
 
 
-def test_a_refused_real_time_class_is_reported_once_the_process_is_ready(
+def test_every_heartbeat_of_a_ready_process_says_that_the_real_time_class_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    first, (health, message) = ready(10)
+    first, second, third = ready(10)
+    refused = "no real-time class: Operation not permitted; it needs CAP_SYS_NICE or RLIMIT_RTPRIO, and Linux"
     assert first == (Health.OK, READY)
-    assert health is Health.WARN
-    assert "no real-time class: Operation not permitted" in message
+    assert second == (Health.WARN, refused)
+    assert third == (Health.WARN, f"no frames; {refused}")
 
 
 def test_every_thread_of_a_process_gets_the_class_of_its_option(given: list[tuple[int, int, int]]) -> None:
-    assert ready(10) == [(Health.OK, READY)]
+    assert ready(10) == STEPPED
     assert (os.getpid(), os.SCHED_RR, 10) in given
     assert len(given) == len([*Path("/proc/self/task").iterdir()])
 
@@ -75,7 +83,7 @@ def test_a_thread_that_has_ended_refuses_nothing_for_the_others(monkeypatch: pyt
     thread = threading.Thread(target=other.wait)
     thread.start()
     try:
-        assert ready(10) == [(Health.OK, READY)]
+        assert ready(10) == STEPPED
     finally:
         other.set()
         thread.join()
@@ -88,5 +96,29 @@ def test_the_priority_of_a_shared_process_counts_before_an_option(given: list[tu
 
 
 def test_without_a_priority_the_class_stays(given: list[tuple[int, int, int]]) -> None:
-    assert ready() == [(Health.OK, READY)]
+    assert ready() == STEPPED
     assert given == []
+
+
+def test_a_thread_that_leaves_the_class_begins_processes_of_the_normal_one() -> None:
+    policy = [sys.executable, "-c", "import os; print(os.sched_getscheduler(0))"]
+    found: list[int] = []
+
+    def child() -> int:
+        return int(subprocess.run(policy, capture_output=True, check=True).stdout)
+
+    def work() -> None:
+        try:
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+        except PermissionError:
+            return
+        found.append(child())
+        leave()
+        found.append(child())
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    if not found:
+        pytest.skip("this system permits no real-time class")
+    assert found == [os.SCHED_RR, os.SCHED_OTHER]

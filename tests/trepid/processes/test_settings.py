@@ -108,12 +108,18 @@ def test_a_command_need_not_report_and_may(car: Callable[[str], dict[str, Proces
         ("processes: {cv: {cores: [4096]}}", ":1:18: processes.cv.cores: this machine has no core 4096; "),
         (
             "processes: {cv: {options: {realtime: high}}}",
-            ":1:28: processes.cv.options.realtime: 'high' is no priority; it is 1 to 99",
+            ":1:28: processes.cv.options.realtime: 'high' is no priority; it is a whole number from 1 to 99",
         ),
         (
             "processes: {cv: {options: {realtime: 100}}}",
             ":1:28: processes.cv.options.realtime: 100 is no priority",
         ),
+        (
+            "processes: {cv: {options: {realtime: 0}}}",
+            ":1:28: processes.cv.options.realtime: 0 is no priority",
+        ),
+        ("processes: {cv: {options: {realtime: 10.0}}}", ":1:28: processes.cv.options.realtime: 10.0 is no"),
+        ("processes: {cv: {options: {realtime: true}}}", ":1:28: processes.cv.options.realtime: True is no"),
         (
             "processes: {cv: {loss: crash}}",
             ":1:18: processes.cv.loss: Input should be 'stop', 'slow' or 'nothing'",

@@ -26,7 +26,7 @@ from trepid.spelling import did_you_mean
 
 COUNT = 100
 TARGET_P99_MS, TARGET_WORST_MS = 100.0, 300.0
-FAILURES = 4  # drives in a row without a result
+FAILURES = 4  # drives of one wire in a row without a result
 SURVIVED = 6  # faults of one drive before the one that ends it
 STORE = WORK_DIR / "runs" / "faults.jsonl"
 DRIVEN = (
@@ -94,8 +94,8 @@ def task_of(row: Row) -> Task:
 def drive_all(left: list[Task], jobs: int, keep: Callable[[Row], None]) -> None:
     """Drive until every episode of ``left`` has a row.
 
-    Raises InputError after FAILURES drives of a wire without any, and the error of a drive. The rows of others that
-    ended at the same time are kept.
+    Raises InputError after FAILURES drives in a row of one wire without any, and every other error of a drive as it
+    is. Rows of drives that ended at the same time are kept.
     """
     interrupted, failures = threading.Event(), dict.fromkeys(WIRES, 0)
     running: dict[Future[list[Row]], list[Task]] = {}
@@ -119,7 +119,9 @@ def drive_all(left: list[Task], jobs: int, keep: Callable[[Row], None]) -> None:
                     failures[wire] = 0 if rows else failures[wire] + 1
                     if failures[wire] == FAILURES:
                         why = error or "the car did not come to its speed"
-                        raise InputError(f"{FAILURES} drives in a row gave no episode; the last one: {why}")
+                        raise InputError(
+                            f"{wire}: {FAILURES} drives in a row gave no episode; the last one: {why}"
+                        )
                     done = [task_of(row) for row in rows]
                     left = [task for task in batch if task not in done] + left
         finally:

@@ -1,17 +1,31 @@
 """The plan of the drives with faults, and the table of their episodes."""
 
+import sys
 import threading
 import time
+from collections.abc import Mapping
 from concurrent.futures import wait
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from sim_harness.bench.live.faults import bench
-from sim_harness.bench.live.faults.bench import SURVIVED, bench_faults, case, next_drive, table
+from sim_harness.bench.live.faults.bench import (
+    FAILURES,
+    SURVIVED,
+    Task,
+    bench_faults,
+    case,
+    next_drive,
+    table,
+)
 from sim_harness.bench.live.faults.catalogue import CAN, FAULTS, SIM, WIRES, Act, Fault
 from sim_harness.bench.live.faults.course import REALTIME, processes
-from trepid.config import CONFIG_DIR, InputError, read
+from trepid.cli import main
+from trepid.config import InputError, using_car
+from trepid.processes.settings import load_processes
 
 TASKS = [
     (wire, fault, number)
@@ -76,45 +90,49 @@ def test_drives_that_never_begin_end_the_benchmark(monkeypatch: pytest.MonkeyPat
         raise InputError("no bus")
 
     monkeypatch.setattr(bench, "driven", driven)
-    with pytest.raises(InputError, match="4 drives in a row gave no episode; the last one: no bus"):
+    with pytest.raises(InputError, match=r"4 drives in a row gave no episode; the last one: no bus"):
         bench.drive_all(list(TASKS), 2, lambda row: None)
 
 
 def test_one_wire_that_never_begins_ends_the_benchmark_beside_one_that_does(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    begun = dict.fromkeys(WIRES, 0)
+
     def driven(wire: str, faults: list[tuple[Fault, int]], _: object) -> list[dict[str, Any]]:
+        begun[wire] += 1
         if wire == CAN:
             raise InputError("no bus")
         return [row(fault.name, wire=wire, number=number) for fault, number in faults]
 
-    in_turns = [
-        task for pair in zip(*([t for t in TASKS if t[0] == w] for w in WIRES), strict=False) for task in pair
-    ]
+    def in_turns(left: list[Task]) -> list[Task]:
+        wire = WIRES[sum(begun.values()) % len(WIRES)]
+        return [next(task for task in left if task[0] == wire)]
+
     monkeypatch.setattr(bench, "driven", driven)
-    monkeypatch.setattr(bench, "next_drive", lambda left: left[:1])
-    with pytest.raises(InputError, match="no bus"):
-        bench.drive_all(in_turns, 2, lambda row: None)
+    monkeypatch.setattr(bench, "next_drive", in_turns)
+    with pytest.raises(InputError, match=f"{CAN}: {FAILURES} drives in a row gave no episode; .* no bus"):
+        bench.drive_all(list(TASKS), 1, lambda row: None)
+    assert begun == {SIM: FAILURES, CAN: FAILURES}
 
 
-def test_the_rows_of_a_drive_are_kept_when_the_one_that_ended_with_it_fails(
+def test_the_rows_of_a_drive_are_kept_when_one_that_ended_with_it_fails(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     first, second = TASKS[:2]
-    both = threading.Barrier(2)
 
     def driven(wire: str, faults: list[tuple[Fault, int]], _: object) -> list[dict[str, Any]]:
-        both.wait()
         if faults[0] == first[1:]:
             raise ValueError("no room")
         return [row(fault.name, wire=wire, number=number) for fault, number in faults]
 
-    def wait_for_all(running: Any, return_when: str) -> Any:
-        return wait(running)
+    def all_in_order(running: Any, return_when: str) -> Any:
+        wait(running)
+        return SimpleNamespace(done=list(running))  # the one that fails is the first
 
     monkeypatch.setattr(bench, "driven", driven)
     monkeypatch.setattr(bench, "next_drive", lambda left: left[:1])
-    monkeypatch.setattr(bench, "wait", wait_for_all)
+    monkeypatch.setattr(bench, "wait", all_in_order)
     rows: list[dict[str, Any]] = []
     with pytest.raises(ValueError, match="no room"):
         bench.drive_all([first, second], 2, rows.append)
@@ -182,14 +200,23 @@ def test_commands_are_reported_where_they_act_on_the_car(wire: str, tmp_path: An
     assert applied == ({"ecu": "ecu"} if wire == CAN else {"vehicle": "limiter"})
 
 
-def test_what_stops_the_car_has_the_real_time_class_of_the_template_shuttle(tmp_path: Any) -> None:
-    template = read(CONFIG_DIR / "cars" / "shuttle" / "processes.yaml")["processes"]
-    assert priorities({name: entry for name, entry in template.items() if entry}) == REALTIME
-    assert priorities(processes(CAN, tmp_path)) == REALTIME
-    assert priorities(processes(SIM, tmp_path)) == {}
+@pytest.mark.parametrize("like", ["shuttle", "rc-car"])
+def test_what_stops_the_car_has_a_real_time_class_on_a_real_car(
+    like: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["trepid", "init", str(tmp_path / "car"), "--like", like])
+    assert main() == 0
+    text = (tmp_path / "car" / "processes.yaml").read_text()
+    assert "# a real-time class for what stops the car" in text
+    with using_car(tmp_path / "car"):
+        specs = load_processes()
+    assert priorities({spec.name: spec.options for spec in specs}) == REALTIME
+    assert (
+        priorities({name: entry["options"] for name, entry in processes(CAN, tmp_path).items()}) == REALTIME
+    )
+    assert priorities({name: entry["options"] for name, entry in processes(SIM, tmp_path).items()}) == {}
 
 
-def priorities(entries: dict[str, Any]) -> dict[str, int]:
+def priorities(options: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
     """Real-time priority by process."""
-    options = {name: entry.get("options", {}) for name, entry in entries.items()}
     return {name: given["realtime"] for name, given in options.items() if "realtime" in given}
