@@ -136,7 +136,7 @@ def run(me: Process) -> None:
         for spec in specs:
             module = cast(NodeModule, importlib.import_module(spec.module))
             nodes.append(stack.enter_context(module.node(heartbeats.part(spec))))
-        priorities = [spec.options[OPTION] for spec in specs if OPTION in spec.options]
+        priorities = filter(None, (spec.options.get(OPTION) for spec in specs))
         me.ready(values=heartbeats.values, realtime=max(priorities, default=None))
         repeat(me, *nodes)
 

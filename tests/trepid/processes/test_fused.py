@@ -82,7 +82,10 @@ def test_the_one_heartbeat_has_the_worst_health_and_the_values_of_all_nodes() ->
 def test_a_shared_process_has_the_highest_real_time_priority_of_its_nodes() -> None:
     assert fused(cv=dict(due_s=1), controller=dict(due_s=1)).realtime is None
     seen = fused(
-        cv=dict(due_s=1, realtime=10), supervisor=dict(due_s=1), controller=dict(due_s=1, realtime=20)
+        cv=dict(due_s=1, realtime=10),
+        lead=dict(due_s=1, realtime=None),
+        supervisor=dict(due_s=1),
+        controller=dict(due_s=1, realtime=20),
     )
     assert seen.realtime == 20
 
