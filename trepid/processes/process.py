@@ -123,8 +123,8 @@ class Process:
         self._malformed, self._warned = malformed, bool(new)
         if new:
             health = Health.WARN if health is Health.OK else health
-            message = joined(message, f"malformed messages on {', '.join(new)}")
-        message = joined(message, self._refused)
+        malformed_on = f"malformed messages on {', '.join(new)}" if new else ""
+        message = "; ".join(filter(None, (message, malformed_on, self._refused)))
         wall_s = max(time.monotonic() - self._beat_s, 1e-3)
         cpu_s = time.process_time() - self._beat_cpu_s
         values = (
@@ -139,11 +139,6 @@ class Process:
         self._steps = 0
         self._beat_s += wall_s
         self._beat_cpu_s += cpu_s
-
-
-def joined(*parts: str) -> str:
-    """The parts of a message that are not empty."""
-    return "; ".join(filter(None, parts))
 
 
 class Ticker:

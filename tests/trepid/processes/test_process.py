@@ -3,24 +3,11 @@
 import threading
 
 import pytest
+from heartbeat_rig import RecordingBus
 
 from trepid.messages import Health
 from trepid.processes.process import Assignment, Process
 from trepid.topics import COMMAND, DRIVER_INPUT
-
-
-class RecordingBus:
-    """A bus that records published messages and reports the given counts of malformed messages."""
-
-    def __init__(self):
-        self.sent = []
-        self.counts = {}
-
-    def publisher(self, _topic):
-        return self.sent.append
-
-    def malformed(self):
-        return dict(self.counts)
 
 
 @pytest.fixture

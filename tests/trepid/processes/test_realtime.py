@@ -8,31 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from heartbeat_rig import RecordingBus
 
-from trepid.messages import Diagnostic, Health
+from trepid.messages import Health
 from trepid.processes.process import READY, Assignment, Process
 from trepid.processes.realtime import leave
 
 STEPPED = [(Health.OK, READY), (Health.WARN, "no frames")]
 
 
-class SilentBus:
-    """A bus that keeps what is published."""
-
-    def __init__(self) -> None:
-        self.sent: list[Diagnostic] = []
-
-    def publisher(self, _topic: Any) -> Any:
-        return self.sent.append
-
-    def malformed(self) -> dict[str, int]:
-        return {}
-
-
 def ready(option: int | None = None, *, realtime: int | None = None) -> list[tuple[Health, str]]:
     """Health and message of the heartbeats of a process with the ``option`` that becomes ready and steps."""
     options = {} if option is None else {"realtime": option}
-    bus: Any = SilentBus()
+    bus: Any = RecordingBus()
     assignment = Assignment(name="one", vehicle_name="v", connect="", clock_offset_ns=0, options=options)
     me = Process(assignment, bus, threading.Event())
     me.ready(realtime=realtime)

@@ -75,15 +75,14 @@ def case(task: Task) -> str:
 def fill(store: Store, code: str, tasks: list[Task], jobs: int) -> None:
     """Drive until every episode has a row, ``jobs`` drives at a time. Raises InputError when drives give none."""
     left = [task for task in tasks if store.get(case(task), code) is None]
-    starved = [task for task in left if task[1].act is Act.STARVE]
     with SweepProgress(len(left), float(len(left))) as progress:
 
         def keep(row: Row) -> None:
             store.add(case(task_of(row)), code, row)
             progress.step(1.0)
 
-        drive_all([task for task in left if task not in starved], jobs, keep)
-        drive_all(starved, 1, keep)
+        drive_all([task for task in left if task[1].act is not Act.STARVE], jobs, keep)
+        drive_all([task for task in left if task[1].act is Act.STARVE], 1, keep)
 
 
 def task_of(row: Row) -> Task:
