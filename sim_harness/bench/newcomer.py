@@ -19,7 +19,7 @@ LONGEST_S = 1800.0
 
 
 def bench_newcomer() -> dict[str, Any]:
-    """Times from the beginning of the clone [s], and disk space [MB].
+    """Times from the beginning of the clone, times from a command to its first line [s], and disk space [MB].
 
     Raises InputError where the checkout, git or make is missing, and when the drive fails.
     """
@@ -31,9 +31,12 @@ def bench_newcomer() -> dict[str, Any]:
         _run("git", "clone", "--quiet", str(ROOT), str(clone), cwd=Path(place))
         cloned_s = time.monotonic() - began_s
         ready_s, driving_s = _drive(clone, began_s)
+        help_s = _first_line_s(clone, "--help")
+        drive_s = _first_line_s(clone, "drive", "--duration", "2", "--no-dashboard")
         environment_mb, all_mb = _disk_mb(clone / ".venv"), _disk_mb(clone)
     return {
         "time [s]": {"cloned": cloned_s, "environment ready": ready_s, "driving": driving_s},
+        "first line [s]": {"trepid --help": help_s, "trepid drive": drive_s},
         "disk [MB]": {"environment": environment_mb, "clone and environment": all_mb},
     }
 
@@ -41,13 +44,12 @@ def bench_newcomer() -> dict[str, Any]:
 def _drive(clone: Path, began_s: float) -> tuple[float, float]:
     """Times at which the environment is ready and at which the car drives [s]."""
     words = ["make", "drive", "ARGS=--duration 15 --no-dashboard"]
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("TREPID")}
     ready_s = driving_s = None
     said = []
     with subprocess.Popen(
         words,
         cwd=clone,
-        env={**environment, "PIP_NO_CACHE_DIR": "1"},
+        env={**_environment(), "PIP_NO_CACHE_DIR": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -63,6 +65,33 @@ def _drive(clone: Path, began_s: float) -> tuple[float, float]:
     if made.returncode or ready_s is None or driving_s is None:
         raise InputError(f"make drive failed in a fresh clone: {' | '.join(said[-5:])}")
     return ready_s, driving_s
+
+
+def _first_line_s(clone: Path, *words: str) -> float:
+    """Time from the start of ``trepid`` with ``words`` to its first line [s]; waits for its end."""
+    began_s = time.monotonic()
+    with subprocess.Popen(
+        [clone / ".venv" / "bin" / "trepid", *words],
+        cwd=clone,
+        env=_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as program:
+        assert program.stdout is not None
+        line = program.stdout.readline()
+        first_s = time.monotonic() - began_s
+        program.stdout.read()
+    if program.returncode or not line:
+        raise InputError(f"trepid {words[0]} failed in a fresh clone: {line.strip()}")
+    return first_s
+
+
+def _environment() -> dict[str, str]:
+    """The environment of a newcomer: without settings of this checkout."""
+    return {
+        name: value for name, value in os.environ.items() if not name.startswith(("TREPID", "PYTHONPATH"))
+    }
 
 
 def _run(*words: str, cwd: Path) -> None:
