@@ -34,6 +34,10 @@ class Cause(StrEnum):
     BLURRED = "blurred"
     DIRTY_LENS = "dirty_lens"
 
+    # the distance that the image shows
+    FOG = "fog"  # fog, rain, spray or snow in the air
+    CREST = "crest"
+
     # the road and its estimates
     OCCLUDED = "occluded"
     DISAGREEMENT = "disagreement"
@@ -53,6 +57,10 @@ class Cause(StrEnum):
     DEMAND = "demand"
     SATURATED = "saturated"
     LEAD_CLOSE = "lead_close"
+    PERSON = "person"  # a person, cyclist or animal on the way of the car, or beside it
+
+    # what the vehicle reports
+    DOUBTED_STATE = "doubted_state"  # a measurement that physics contradicts
 
 
 CAUSES: frozenset[str] = frozenset(cause.value for cause in Cause)

@@ -67,6 +67,10 @@ class ImageStatistics:
     sharpness: float  # variance of the Laplacian of grey in [0, 255]² units; small = blurred
     frozen_s: float  # time since the last image that is not a repetition [s]; 0 for a new image
     spots: float  # share of the tiles with a stationary dark spot, 0..1: dirt on the lens
+    # distance from the rear axle, along the lane, up to which the image shows lane and ground; None: not known
+    sight_m: float | None = None
+    sight_sigma_m: float | None = None  # standard deviation of sight_m
+    sight_cause: str = ""  # cause that ends the sight (trepid.causes): fog, dark, crest, occluded; "": none
 
 
 class EstimateKind(StrEnum):
@@ -142,6 +146,23 @@ class LeadVehicle:
 
 
 @record
+class RoadUsers:
+    """The people, cyclists and animals ahead: their ground points in the vehicle frame, one item each.
+
+    ``detects`` names the kinds that the detector can find at all. The car is blind to a kind that is not named.
+    """
+
+    t_s: float
+    kinds: tuple[str, ...] = ()  # "person", "cyclist", "animal"
+    x_m: tuple[float, ...] = ()  # of the ground point, from the rear axle of the ego vehicle
+    y_m: tuple[float, ...] = ()
+    x_mps: tuple[float, ...] = ()  # velocity over ground, along the axes of the vehicle; NaN: not known yet
+    y_mps: tuple[float, ...] = ()
+    confidences: tuple[float, ...] = ()
+    detects: tuple[str, ...] = ()
+
+
+@record
 class VehicleState:
     """The measured state of the vehicle. ``t_s`` is the time of measurement."""
 
@@ -193,6 +214,9 @@ class Decision:
     disagreement_mps2: float | None = None  # |Δκ_cmd|·v² between estimators
     speed_factor: float  # 0..1, non-increasing in fear
     speed_cap_mps: float
+    sight_m: float | None = None  # distance from the rear axle that the car may rely on; None: not known
+    sight_cause: str = ""  # cause that ends it (trepid.causes); "": none
+    sight_cap_mps: float | None = None  # the speed from which the car stops within it; None: no limit
 
 
 @record
@@ -330,6 +354,7 @@ Derived = (
     ImageStatistics
     | SteeringEstimate
     | LeadVehicle
+    | RoadUsers
     | VehicleState
     | Decision
     | SimTruth

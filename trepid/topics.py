@@ -24,6 +24,7 @@ CAMERA_COMPRESSED = Topic(
 )  # -> recorder, page
 IMAGE_STATISTICS = Topic("perception/image_statistics", messages.ImageStatistics, 25)  # -> supervisor
 LEAD_VEHICLE = Topic("perception/lead", messages.LeadVehicle, 25)  # -> supervisor
+ROAD_USERS = Topic("perception/road_users", messages.RoadUsers, 25)  # -> supervisor
 DECISION = Topic("supervisor/decision", messages.Decision, 25)  # -> controller
 COMMAND = Topic("controller/command", messages.Command, 50)  # -> vehicle
 VEHICLE_STATE = Topic("vehicle/state", messages.VehicleState, 100)  # -> all
