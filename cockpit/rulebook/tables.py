@@ -38,7 +38,7 @@ WHY = {
     "lane_confidence": "calibrated: 1 - confidence is the probability of a steering error above 2°",
     "second_confidence": "a single estimate cannot be checked; two independent estimators rarely make the same "
     "error (Fridman, Arguing Machines)",
-    "sight": "a tracker keeps a high confidence for a while after the road is lost; this input does not",
+    "seen_confidence": "a tracker keeps a high confidence for a while after the road is lost; this input does not",
     "cv_confidence": "the estimator finds no lines or edges: worn, covered or missing markings",
     "cnn_confidence": "the network itself reports an image unlike its training data",
     "cv_jitter": "a road does not jump, so a jump is an error of the estimate (two candidate lines, false edges)",

@@ -96,7 +96,7 @@ def is_image_late(x: Features, s: AnalyserSettings) -> bool:
 
 def _unseen(x: Features, s: AnalyserSettings) -> bool:
     """The road is hard to see, also where the confidence is unknown."""
-    return not _number(x["sight"]) >= s.unsure
+    return not _number(x["seen_confidence"]) >= s.unsure
 
 
 def _occluded(x: Features, s: AnalyserSettings) -> bool:
@@ -110,8 +110,8 @@ def _without_lines(x: Features, _: AnalyserSettings) -> bool:
 
 def _nowhere(x: Features, s: AnalyserSettings) -> bool:
     """No estimator detects a road, or only one does, from weak edges: a field, fallen snow."""
-    weak = _without_lines(x, s) and _number(x["sight"]) < s.weak_edges
-    return _number(x["sight"]) < s.blind or (weak and _number(x["second_confidence"]) < s.blind)
+    weak = _without_lines(x, s) and _number(x["seen_confidence"]) < s.weak_edges
+    return _number(x["seen_confidence"]) < s.blind or (weak and _number(x["second_confidence"]) < s.blind)
 
 
 SUSPECTS = (

@@ -45,7 +45,14 @@ EARLY_FEATURES = frozenset(
 )
 """Features that do not depend on the fusion; the rules of trust may use these only."""
 FEATURES = EARLY_FEATURES | {
-    *("lane_confidence", "second_confidence", "sight", "disagreement", "separation", "single_source"),
+    *(
+        "lane_confidence",
+        "second_confidence",
+        "seen_confidence",
+        "disagreement",
+        "separation",
+        "single_source",
+    ),
     *("lateral_demand", "lateral_error", "crossing"),
 }
 """Further features belong to the estimators: the name that rates an estimator and one of ESTIMATOR_SUFFIXES."""
@@ -134,7 +141,7 @@ def features(
     found = dict(early)
     found["lane_confidence"] = max([c for _, c in trusted]) if trusted else None
     found["second_confidence"] = sorted([0.0, 0.0, *[c for _, c in trusted]])[-2] if trusted else None
-    found["sight"] = max([0.0 if s.from_memory else c for s, c in trusted]) if trusted else None
+    found["seen_confidence"] = max([0.0 if s.from_memory else c for s, c in trusted]) if trusted else None
     found["disagreement"], found["separation"] = _contradiction(estimates, fused, speed_mps)
     found["single_source"] = single_source_s
     found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps, enlargement)

@@ -15,7 +15,7 @@ FINE: Features = {
     "estimator_age": 0.03,
     "state_age": 0.01,
     "speed": 8.0,
-    "sight": 0.9,
+    "seen_confidence": 0.9,
     "second_confidence": 0.9,
     "unmarked": 0.0,
     "brightness": 0.5,
@@ -31,7 +31,7 @@ FINE: Features = {
     "separation": 0.05,
 }
 AGES_S = {"cv": 0.03, "cnn": 0.03}
-BLIND = {"sight": 0.0}
+BLIND = {"seen_confidence": 0.0}
 
 
 def finding(**changes: float | None) -> Finding:
@@ -52,14 +52,14 @@ def test_when_all_is_well_nothing_is_found() -> None:
         ("over_exposed", "camera", BLIND | {"over_exposed": 0.8, "contrast": 0.01}),
         ("frozen_camera", "camera", {"frozen": 0.08}),
         ("blurred", "camera", BLIND | {"sharpness": 3.0}),
-        ("dirty_lens", "lens", {"spots": 0.3, "sight": 0.4}),
-        ("occluded", "traffic", {"sight": 0.3, "lead_distance": 6.0}),
+        ("dirty_lens", "lens", {"spots": 0.3, "seen_confidence": 0.4}),
+        ("occluded", "traffic", {"seen_confidence": 0.3, "lead_distance": 6.0}),
         ("disagreement", "perception", {"separation": 0.7}),
         ("no_road", "road", BLIND),
-        ("no_road", "road", {"unmarked": 1.0, "sight": 0.5, "second_confidence": 0.0}),
-        ("unmarked", "road", {"unmarked": 1.0, "sight": 0.9, "second_confidence": 0.0}),
-        ("unmarked", "road", {"unmarked": 1.0, "sight": 0.6}),
-        ("low_confidence", "road", {"sight": 0.6}),
+        ("no_road", "road", {"unmarked": 1.0, "seen_confidence": 0.5, "second_confidence": 0.0}),
+        ("unmarked", "road", {"unmarked": 1.0, "seen_confidence": 0.9, "second_confidence": 0.0}),
+        ("unmarked", "road", {"unmarked": 1.0, "seen_confidence": 0.6}),
+        ("low_confidence", "road", {"seen_confidence": 0.6}),
     ],
 )
 def test_causes_come_before_their_consequences(cause: str, part: str, changes: Features) -> None:

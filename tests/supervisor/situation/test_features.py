@@ -75,8 +75,8 @@ def test_a_car_that_turns_back_in_time_does_not_cross() -> None:
 def test_a_remembered_lane_keeps_its_confidence_and_has_sight_0() -> None:
     blind = replace(CNN, confidence=0.0, **dict.fromkeys(lane(0, 0), None))  # type: ignore[arg-type]
     measured = observed(replace(CV, lanes_detected=0), blind).features
-    assert (measured["lane_confidence"], measured["sight"]) == (0.9, 0.0)
-    assert observed(CV, blind).features["sight"] == 0.9
+    assert (measured["lane_confidence"], measured["seen_confidence"]) == (0.9, 0.0)
+    assert observed(CV, blind).features["seen_confidence"] == 0.9
 
 
 @pytest.mark.parametrize(("marked", "unmarked"), [(True, 0.0), (False, 1.0), (None, 0.0)])
