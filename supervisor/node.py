@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
+from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
 from supervisor.rules.reload import RuleWatch
 from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
@@ -15,7 +15,15 @@ from trepid.processes.journal import Journal
 from trepid.processes.process import Process, Values
 from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
-from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, LOSSES, VEHICLE_STATE, estimate_topic
+from trepid.topics import (
+    DECISION,
+    IMAGE_STATISTICS,
+    LEAD_VEHICLE,
+    LOSSES,
+    ROAD_USERS,
+    VEHICLE_STATE,
+    estimate_topic,
+)
 
 IDLE_PERIOD_S = 0.05  # decide at least this often
 GATHER_S = 0.02  # wait this long for the other estimators of the same frame
@@ -34,12 +42,14 @@ class SupervisorNode:
         self._estimates = {name: bus.latest(estimate_topic(name)) for name in me.options["estimators"]}
         self._statistics = bus.latest(IMAGE_STATISTICS, wakes=False)
         self._lead = bus.latest(LEAD_VEHICLE, wakes=False)
+        self._road_users = bus.latest(ROAD_USERS, wakes=False)
         self._state = bus.latest(VEHICLE_STATE, wakes=False)
         self._losses = bus.latest(LOSSES)
         self._inputs: dict[str, Latest[Any]] = {
             **self._estimates,
             STATISTICS: self._statistics,
             LEAD: self._lead,
+            USERS: self._road_users,
             STATE: self._state,
         }
         self._send = bus.publisher(DECISION)
@@ -82,6 +92,7 @@ class SupervisorNode:
             malformed=[name for name, latest in self._inputs.items() if latest.broken],
             losses=self._losses.message,
             lead_sent_s=self._lead.stamp.published_s,
+            road_users=self._road_users.refresh(),
         )
         self._send(decision)
         self._journal.note(now_s)

@@ -34,6 +34,7 @@ from trepid.messages import (
     LeadVehicle,
     Losses,
     Mode,
+    RoadUsers,
     SteeringEstimate,
     Stop,
     VehicleState,
@@ -152,11 +153,13 @@ class Supervisor:
         malformed: Collection[str] = (),
         losses: Losses | None = None,
         lead_sent_s: float = math.nan,
+        road_users: RoadUsers | None = None,
     ) -> Decision:
         """The decision at ``now_s``. ``estimates`` holds the latest message of every expected estimator, or None.
 
         The step computes the age of every message. ``lead`` is None where no detector runs; "no vehicle ahead" has
-        confidence 0. ``malformed`` names the estimators, and "statistics", "lead", "state", whose newest message
+        confidence 0. ``road_users`` is None where nothing looks for people, to whom the car is then blind.
+        ``malformed`` names the estimators, and "statistics", "lead", "road_users", "state", whose newest message
         could not be decoded, or is of a clock that stepped back: the input is broken. ``losses``: the newest report
         of the launcher. ``lead_sent_s``: publication of ``lead``, which the detector sends after the decision about
         its frame; NaN: with this step.
@@ -164,9 +167,17 @@ class Supervisor:
         enlarged = self._reference.enlarged
         estimates = {name: enlarged(f"estimate {name}", estimate) for name, estimate in estimates.items()}
         lead, state = enlarged("lead", lead), enlarged("state", state)
+        road_users = enlarged("road_users", road_users)
         rules, driver = self._rules, state is not None and state.driver_override
         world = self._observer.step(
-            rules, estimates, statistics, lead, state, now_s=now_s, malformed=malformed
+            rules,
+            estimates,
+            statistics,
+            lead,
+            state,
+            now_s=now_s,
+            malformed=malformed,
+            road_users=road_users,
         )
         rated = rules.evaluate(world.features)
         finding = analyse(world.features, self._settings.analyser, ages_s=world.ages_s)
@@ -175,6 +186,7 @@ class Supervisor:
             world.ages_s,
             statistics_s=world.statistics_age_s,
             lead_s=world.ahead.age_s if lead else None,
+            road_users_s=world.road_users.age_s if road_users else None,
             state_s=world.state_age_s,
             driver_override=driver,
             now_s=now_s,

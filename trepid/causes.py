@@ -25,6 +25,7 @@ class Cause(StrEnum):
     VEHICLE_STATE_LOST = "vehicle_state_lost"
     IMAGE_STATISTICS_LOST = "image_statistics_lost"
     LEAD_LOST = "lead_lost"
+    ROAD_USERS_LOST = "road_users_lost"  # the detector of people, cyclists and animals
     LOST_PROCESS = "lost_process"  # reported by the launcher; also a requested end of a drive on the move
 
     # the image

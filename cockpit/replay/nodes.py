@@ -14,7 +14,7 @@ import controller.controller
 import supervisor.supervisor
 from cockpit.logbook.recall import RULES_NAME, recorded_rules, rule_changes
 from cockpit.replay.tape import Tape
-from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
+from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
 from supervisor.rules.inference import FearRules
 from trepid.config import InputError, default_file
 from trepid.recording.car import recorded_car
@@ -28,6 +28,7 @@ from trepid.topics import (
     IMAGE_STATISTICS,
     LEAD_VEHICLE,
     LOSSES,
+    ROAD_USERS,
     VEHICLE_STATE,
     Topic,
     estimate_topic,
@@ -103,7 +104,7 @@ def nodes_of(tape: Tape, setup: Setup) -> dict[str, Node]:
         Node(
             SUPERVISOR,
             DECISION,
-            (*lanes, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, LOSSES),
+            (*lanes, IMAGE_STATISTICS, LEAD_VEHICLE, ROAD_USERS, VEHICLE_STATE, LOSSES),
             partial(_supervisor, setup, names),
             2,
         ),
@@ -187,7 +188,8 @@ def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:
     node = supervisor.supervisor.build(rules=setup.rules, cruise_speed_mps=setup.cruise_speed_mps)
     changes = list(setup.changes)
     called = {estimate_topic(name).key: name for name in names}
-    called |= {IMAGE_STATISTICS.key: STATISTICS, LEAD_VEHICLE.key: LEAD, VEHICLE_STATE.key: STATE}
+    called |= {IMAGE_STATISTICS.key: STATISTICS, LEAD_VEHICLE.key: LEAD}
+    called |= {ROAD_USERS.key: USERS, VEHICLE_STATE.key: STATE}
 
     def step(inputs: Inputs) -> Any:
         read, now_s, broken, sent_s = inputs
@@ -202,6 +204,7 @@ def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:
             malformed=[called[key] for key in broken if key in called],  # as in a drive, not those of losses
             losses=read[LOSSES.key],
             lead_sent_s=sent_s.get(LEAD_VEHICLE.key, math.nan),
+            road_users=read[ROAD_USERS.key],
         )
 
     return step

@@ -23,6 +23,7 @@ from trepid.topics import (
     IMAGE_STATISTICS,
     LEAD_VEHICLE,
     LOSSES,
+    ROAD_USERS,
     STEPS,
     VEHICLE_STATE,
     estimate_topic,
@@ -30,7 +31,7 @@ from trepid.topics import (
 
 READ = (
     *(topic.key for topic in (IMAGE_STATISTICS, LEAD_VEHICLE, DECISION, COMMAND, VEHICLE_STATE, LOSSES)),
-    *(DIAGNOSTICS.key, STEPS.key, estimate_topic("*").key),
+    *(ROAD_USERS.key, DIAGNOSTICS.key, STEPS.key, estimate_topic("*").key),
 )
 HANDED_OVER_S = 5e-3  # between two nodes of one process a message is used this long before its publication
 KEPT_FRAMES = 64  # images in memory; two nodes may step on images of different age at one instant

@@ -46,6 +46,7 @@ from trepid.messages import (
     Frame,
     ImageStatistics,
     LeadVehicle,
+    RoadUsers,
     SimTruth,
     SteeringEstimate,
     VehicleState,
@@ -77,6 +78,7 @@ class Instant:
     estimates: Mapping[str, SteeringEstimate | None]
     statistics: ImageStatistics | None
     lead: LeadVehicle | None
+    road_users: RoadUsers | None
     decision: Decision | None
     command: Command | None
 
@@ -246,6 +248,7 @@ class ClosedLoop:
                         estimates=stack.estimates,
                         statistics=stack.statistics,
                         lead=stack.lead,
+                        road_users=stack.road_users,
                         decision=stack.decision,
                         command=stack.command,
                     )

@@ -23,6 +23,7 @@ from trepid.topics import (
     DECISION,
     IMAGE_STATISTICS,
     LEAD_VEHICLE,
+    ROAD_USERS,
     SIM_TRUTH,
     VEHICLE_STATE,
     Topic,
@@ -72,6 +73,7 @@ class _Recorder:
             self._write(estimate_topic(name), estimate, at_s)
         self._write(IMAGE_STATISTICS, now.statistics, at_s)
         self._write(LEAD_VEHICLE, now.lead, at_s)
+        self._write(ROAD_USERS, now.road_users, at_s)
         self._write(DECISION, now.decision, at_s)
         self._write(COMMAND, now.command, at_s)
 

@@ -12,6 +12,7 @@ from trepid.messages import (
     Decision,
     ImageStatistics,
     LeadVehicle,
+    RoadUsers,
     SteeringEstimate,
     VehicleState,
 )
@@ -28,6 +29,7 @@ class Perception:
     estimates: Mapping[str, SteeringEstimate]
     statistics: ImageStatistics | None
     lead: LeadVehicle | None
+    road_users: RoadUsers | None = None
 
 
 class Stack:
@@ -49,6 +51,7 @@ class Stack:
         self.estimates: dict[str, SteeringEstimate | None] = dict.fromkeys(estimators)
         self.statistics: ImageStatistics | None = None
         self.lead: LeadVehicle | None = None
+        self.road_users: RoadUsers | None = None
         self.decision: Decision | None = None
         self.command: Command | None = None
         self.commanded_s: float | None = None
@@ -68,7 +71,12 @@ class Stack:
         decided = (arrived or now_s >= self._decide_by_s - _SAME_INSTANT_S) and "supervisor" not in lost
         if decided:
             self.decision = self._supervisor.step(
-                self.estimates, self.statistics, self.lead, state, now_s=now_s
+                self.estimates,
+                self.statistics,
+                self.lead,
+                state,
+                now_s=now_s,
+                road_users=self.road_users,
             )
             if self._idle_period_s is not None:
                 self._decide_by_s = now_s + self._idle_period_s
@@ -83,5 +91,6 @@ class Stack:
             perception = self._underway.popleft()
             self.estimates.update(perception.estimates)
             self.statistics, self.lead = perception.statistics, perception.lead or self.lead
+            self.road_users = perception.road_users or self.road_users
             arrived = True
         return arrived

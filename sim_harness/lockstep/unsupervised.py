@@ -13,6 +13,7 @@ from trepid.messages import (
     ImageStatistics,
     LeadVehicle,
     Mode,
+    RoadUsers,
     SteeringEstimate,
     Stop,
     VehicleState,
@@ -67,9 +68,12 @@ class UnsupervisedDriver:
         state: VehicleState | None,
         *,
         now_s: float,
+        road_users: RoadUsers | None = None,
     ) -> Decision:
         """The decision of the driver, with the fear of the supervisor."""
-        supervised = self._supervisor.step(estimates, statistics, lead, state, now_s=now_s)
+        supervised = self._supervisor.step(
+            estimates, statistics, lead, state, now_s=now_s, road_users=road_users
+        )
         followed = self._followed = self._choice(supervised, estimates) or self._followed
         if followed is None:
             nowhere: dict[str, Any] = dict.fromkeys(("path_t_s", *LANE))

@@ -13,6 +13,7 @@ from trepid.messages import (
     EstimateKind,
     ImageStatistics,
     LeadVehicle,
+    RoadUsers,
     SteeringEstimate,
     VehicleState,
 )
@@ -49,7 +50,7 @@ class ValidationSettings(Settings):
 
     def age_s(
         self,
-        message: SteeringEstimate | ImageStatistics | LeadVehicle | VehicleState | None,
+        message: SteeringEstimate | ImageStatistics | LeadVehicle | RoadUsers | VehicleState | None,
         *,
         now_s: float,
     ) -> float:

@@ -7,12 +7,17 @@ from typing import NamedTuple
 from supervisor.inputs.validation import ValidationSettings
 from trepid.causes import Cause
 
-STATISTICS, LEAD, STATE = "statistics", "lead", "state"
+STATISTICS, LEAD, USERS, STATE = "statistics", "lead", "road_users", "state"
 """Names of the inputs besides the estimators."""
+_SILENT = {
+    STATISTICS: Cause.IMAGE_STATISTICS_LOST,
+    LEAD: Cause.LEAD_LOST,
+    USERS: Cause.ROAD_USERS_LOST,
+}
 FAULTS = frozenset(
     {
         *(Cause.STALE_DATA, Cause.LOST_ESTIMATOR, Cause.VEHICLE_STATE_LOST),
-        *(Cause.IMAGE_STATISTICS_LOST, Cause.LEAD_LOST, Cause.LOST_PROCESS, Cause.DRIVER_OVERRIDE),
+        *(*_SILENT.values(), Cause.LOST_PROCESS, Cause.DRIVER_OVERRIDE),
     }
 )
 """Causes of a :class:`Fault`."""
@@ -39,6 +44,7 @@ class Watchdog:
         *,
         statistics_s: float,
         lead_s: float | None,
+        road_users_s: float | None = None,
         state_s: float,
         driver_override: bool,
         now_s: float,
@@ -46,13 +52,15 @@ class Watchdog:
     ) -> Fault:
         """The worst fault by these ages (inf: no message, or none with a possible time), a common cause first.
 
-        ``lead_s`` is None where no lead detector runs. ``process_lost``: the launcher reports a lost process.
+        ``lead_s`` is None where no lead detector runs, ``road_users_s`` where none of people. ``process_lost``: the
+        launcher reports a lost process.
         """
         ages = {**estimator_ages_s, STATISTICS: statistics_s, STATE: state_s}
-        if lead_s is None:
-            self._heard_s.pop(LEAD, None)
-        else:
-            ages[LEAD] = lead_s
+        for name, age_s in ((LEAD, lead_s), (USERS, road_users_s)):
+            if age_s is None:
+                self._heard_s.pop(name, None)
+            else:
+                ages[name] = age_s
         for name, age in ages.items():
             if age <= self._limits.fresh_s or (name in self._heard_s and math.isfinite(age)):
                 self._heard_s[name] = now_s - age
@@ -65,10 +73,8 @@ class Watchdog:
             cause = Cause.LOST_ESTIMATOR
         elif STATE in self._heard_s and state_s > self._limits.state_fresh_s:
             cause = Cause.VEHICLE_STATE_LOST
-        elif STATISTICS in lost:
-            cause = Cause.IMAGE_STATISTICS_LOST
-        elif LEAD in lost:
-            cause = Cause.LEAD_LOST
+        elif silent := [of for name, of in _SILENT.items() if name in lost]:
+            cause = silent[0]
         elif process_lost:
             cause = Cause.LOST_PROCESS
         elif driver_override:

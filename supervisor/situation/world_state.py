@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from supervisor.inputs.consistency import Consistency, WeakEdges
+from supervisor.inputs.road_users import Watched, judge_road_users
 from supervisor.inputs.timers import Stopwatch
 from supervisor.inputs.validation import (
     ValidatedEstimate,
@@ -13,7 +14,7 @@ from supervisor.inputs.validation import (
     motion_of,
     validate,
 )
-from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
+from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
 from supervisor.path.follow import Follower, Following, FollowSettings, Lead, judge_lead
 from supervisor.path.fusion import Fused, Fusion, FusionSettings
 from supervisor.rules.inference import FearRules
@@ -22,7 +23,7 @@ from supervisor.situation.features import BEYOND, Features, early_features, feat
 from supervisor.situation.ratings import RATED_AS, absent_values, rating_names
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Motion
-from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.messages import ImageStatistics, LeadVehicle, RoadUsers, SteeringEstimate, VehicleState
 
 
 class WorldState(NamedTuple):
@@ -30,6 +31,7 @@ class WorldState(NamedTuple):
 
     estimates: list[ValidatedEstimate]
     ahead: Lead
+    road_users: Watched
     motion: Motion | None  # None: lost
     last_motion: Motion | None  # the last valid one
     state_age_s: float
@@ -89,16 +91,20 @@ class WorldStateObserver:
         *,
         now_s: float,
         malformed: Collection[str] = (),
+        road_users: RoadUsers | None = None,
     ) -> WorldState:
         """The world state at ``now_s`` from the latest messages; None where there has been none.
 
-        ``malformed`` names the estimators, and STATISTICS, LEAD, STATE, whose newest message could not be decoded:
-        their values count as broken, their ages as those of the last valid message.
+        ``malformed`` names the estimators, and STATISTICS, LEAD, USERS, STATE, whose newest message could not be
+        decoded: their values count as broken, their ages as those of the last valid message.
         """
         limits = self._validation
         motion = None if STATE in malformed else motion_of(state, now_s=now_s, settings=limits)
         self._last_motion = moving = motion or self._last_motion
         ahead = judge_lead(lead, motion, now_s=now_s, settings=limits, malformed=LEAD in malformed)
+        watched = judge_road_users(
+            road_users, motion, now_s=now_s, settings=limits, malformed=USERS in malformed
+        )
         statistics_age_s = limits.age_s(statistics, now_s=now_s)
         valid = statistics_age_s <= limits.fresh_s and STATISTICS not in malformed
         fresh = statistics if valid else None
@@ -139,6 +145,7 @@ class WorldStateObserver:
         return WorldState(
             estimates=seen,
             ahead=ahead,
+            road_users=watched,
             motion=motion,
             last_motion=moving,
             state_age_s=state_age_s,

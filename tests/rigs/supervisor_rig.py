@@ -12,6 +12,7 @@ from trepid.messages import (
     ImageStatistics,
     LeadVehicle,
     Mode,
+    RoadUsers,
     SteeringEstimate,
     VehicleState,
 )
@@ -61,13 +62,15 @@ class Drive:
         cnn: SteeringEstimate | None = ESTIMATE,
         statistics: ImageStatistics | None = STATISTICS,
         lead: LeadVehicle | None = None,
+        road_users: RoadUsers | None = None,
         state: VehicleState | None = STATE,
     ) -> Decision:
         self.now_s += FRAME_S
         seen_s = self.now_s - LATENCY_S
         if state is not None:
             self.latest["state"] = replace(state, t_s=self.now_s - 0.01, speed_mps=self.speed_mps)
-        for name, message in (("cv", cv), ("cnn", cnn), ("statistics", statistics), ("lead", lead)):
+        sent = {"cv": cv, "cnn": cnn, "statistics": statistics, "lead": lead, "road_users": road_users}
+        for name, message in sent.items():
             if message is not None:
                 self.latest[name] = replace(message, t_s=seen_s)
         get = self.latest.get
@@ -77,6 +80,7 @@ class Drive:
             get("lead"),
             get("state"),
             now_s=self.now_s,
+            road_users=get("road_users"),
         )
 
     def last(self, duration_s: float, **messages: Any) -> Decision:

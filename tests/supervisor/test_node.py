@@ -15,7 +15,15 @@ from supervisor.supervisor import build
 from trepid.clock import UNSTAMPED, Stamp
 from trepid.config import CONFIG_DIR
 from trepid.messages import Losses
-from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, LOSSES, VEHICLE_STATE, estimate_topic
+from trepid.topics import (
+    DECISION,
+    IMAGE_STATISTICS,
+    LEAD_VEHICLE,
+    LOSSES,
+    ROAD_USERS,
+    VEHICLE_STATE,
+    estimate_topic,
+)
 
 
 @dataclass
@@ -43,6 +51,7 @@ def one_decision(
         estimate_topic("cnn").key: Input(replace(ESTIMATE, estimator="cnn")),
         IMAGE_STATISTICS.key: Input(STATISTICS),
         LEAD_VEHICLE.key: Input(None),
+        ROAD_USERS.key: Input(None),
         VEHICLE_STATE.key: Input(STATE),
         LOSSES.key: Input(losses),
     }
