@@ -262,7 +262,13 @@ class SimTruth:
     traffic_y_m: tuple[float, ...] = ()
     traffic_yaw_rad: tuple[float, ...] = ()
     traffic_speed_mps: tuple[float, ...] = ()
-    manoeuvres: tuple[str, ...] = ()  # kinds of their current phases
+    manoeuvres: tuple[str, ...] = ()  # kinds of the current phases of vehicles and road users
+    user_x_m: tuple[
+        float, ...
+    ] = ()  # of every person, cyclist and animal, at the middle of its ground contact
+    user_y_m: tuple[float, ...] = ()
+    user_yaw_rad: tuple[float, ...] = ()
+    user_speed_mps: tuple[float, ...] = ()
 
 
 class Health(StrEnum):

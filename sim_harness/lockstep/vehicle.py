@@ -13,6 +13,7 @@ import numpy as np
 from controller.limiter import Limiter
 from sim_harness.lockstep.contact import Box, separation_m
 from sim_harness.lockstep.referee import Place, Referee, locate
+from sim_harness.lockstep.road_users import RoadUsersAround
 from sim_harness.lockstep.run_up import driven, rail
 from sim_harness.lockstep.traffic import Traffic
 from sim_harness.scenarios.scenario import Scenario
@@ -86,6 +87,7 @@ class SimulatedVehicle:
         self._pose, self._place = self._first()
         nose_m = scenario.start.station_m + self._nose_m
         self._traffic = Traffic(scenario.traffic, road, nose_m=nose_m, elapsed_s=self._elapsed_s)
+        self._users = RoadUsersAround(scenario.road_users, road, nose_m=nose_m, elapsed_s=self._elapsed_s)
         self._origin_s: float | None = None  # t = 0 of the run
         self._applied: Command | None = None  # output of the limiter, held by the actuators
 
@@ -138,8 +140,9 @@ class SimulatedVehicle:
 
     def _advance(self, applied: Command) -> None:
         """One period of all motion, then the referee's judgement."""
-        period_s = self._period_s
-        self._traffic.step(self._elapsed_s, period_s, nose_m=self._place.station_m + self._nose_m)
+        period_s, nose_m = self._period_s, self._place.station_m + self._nose_m
+        self._traffic.step(self._elapsed_s, period_s, nose_m=nose_m)
+        self._users.step(self._elapsed_s, period_s, nose_m=nose_m)
         self._ticks += 1
         if self._ticks <= 0:
             self._run_up()
@@ -153,13 +156,12 @@ class SimulatedVehicle:
         self._touch()
 
     def _touch(self) -> None:
-        """Count contacts; on a contact ahead the speed is limited to that of the other vehicle."""
-        if not self._traffic.actors:
-            return
+        """Count contacts; a vehicle ahead in contact limits the speed to its own, a person or animal does not."""
         boxes = [actor.box for actor in self._traffic.actors]
-        separations_m = [separation_m(self._box, box) for box in boxes]
+        everyone = [*boxes, *(walker.box for walker in self._users.walkers)]
+        separations_m = [separation_m(self._box, box) for box in everyone]
         self._referee.judge_contacts(separations_m)
-        for actor, box, separation in zip(self._traffic.actors, boxes, separations_m, strict=True):
+        for actor, box, separation in zip(self._traffic.actors, boxes, separations_m, strict=False):
             middle_m = self._box.seen(*box.at((box.rear_m + box.front_m) / 2))[0]
             if separation <= 0.0 and middle_m > self._vehicle.wheelbase_m / 2:
                 along_mps = actor.speed_mps * math.cos(box.yaw_rad - self._pose.yaw_rad)
@@ -219,7 +221,7 @@ class SimulatedVehicle:
 
     def _truth(self) -> SimTruth:
         pose, (station_m, offset_m, heading_error_rad) = self._pose, self._place
-        referee, traffic = self._referee, self._traffic.snapshot()
+        referee, traffic, users = self._referee, self._traffic.snapshot(), self._users.places()
         lead = self._traffic.ahead(station_m + self._nose_m) if self._traffic.actors else None
         lead_x_m, lead_y_m, lead_yaw_rad = lead[0].pose if lead else (None, None, None)
         return SimTruth(
@@ -250,5 +252,9 @@ class SimulatedVehicle:
             traffic_y_m=traffic.y_m,
             traffic_yaw_rad=traffic.yaw_rad,
             traffic_speed_mps=traffic.speed_mps,
-            manoeuvres=traffic.manoeuvres,
+            manoeuvres=traffic.manoeuvres + users.manoeuvres,
+            user_x_m=users.x_m,
+            user_y_m=users.y_m,
+            user_yaw_rad=users.yaw_rad,
+            user_speed_mps=users.speed_mps,
         )

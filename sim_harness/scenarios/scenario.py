@@ -19,6 +19,7 @@ from perception.estimators import ESTIMATORS, estimators, no_estimator
 from sim_harness.judging.conditions.expect import Expect
 from sim_harness.judging.conditions.meaning import parse_condition
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LostProcess
+from sim_harness.scenarios.road_users import RoadUser
 from sim_harness.scenarios.traffic import TrafficVehicle
 from sim_harness.scenarios.vary import Variation, check_vary
 from sim_harness.world.plants.build import build_plant
@@ -166,6 +167,7 @@ class Scenario(Settings):
     plant: PlantSettings = PlantSettings()  # deviations from config/vehicle.yaml
     disturbances: tuple[Disturbance, ...] = ()
     traffic: tuple[TrafficVehicle, ...] = ()
+    road_users: tuple[RoadUser, ...] = ()  # people, cyclists and animals
     faults: tuple[Fault, ...] = ()
     expect: Expect = Expect()
     vary: dict[str, Variation] = Field(default_factory=dict)  # parameters of sampling; see scenarios/vary.py
@@ -270,8 +272,9 @@ class Scenario(Settings):
     def _problem_with_parts(self, road: RoadSettings) -> Problem | None:
         if not self.rules_file.is_file():
             return ("rules",), f"no rule file {self.rules_file}"
-        if self.traffic and (self.lane_width_m or road.lane_width_m) < PUBLIC_LANE_M:
-            return ("traffic",), "other vehicles are those of public roads, and these lanes are of models"
+        others = "traffic" if self.traffic else "road_users" if self.road_users else ""
+        if others and (self.lane_width_m or road.lane_width_m) < PUBLIC_LANE_M:
+            return (others,), "other vehicles are those of public roads, and these lanes are of models"
         vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
         try:
             build_plant(self.plant, vehicle)
@@ -295,8 +298,9 @@ class Scenario(Settings):
 
     @property
     def manoeuvres(self) -> list[str]:
-        """The kinds of phases that other vehicles have."""
-        return [phase.kind for vehicle in self.traffic for phase in vehicle.phases]
+        """The kinds of phases that other vehicles and road users have."""
+        vehicles = [phase.kind for vehicle in self.traffic for phase in vehicle.phases]
+        return [*vehicles, *(phase.kind for user in self.road_users for phase in user.phases)]
 
     def _names_in_conditions(self, road: RoadSettings) -> dict[str, Set[str]]:
         """The names that a condition may use, by kind."""
