@@ -3,6 +3,7 @@
 import math
 import pathlib
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -14,6 +15,7 @@ from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explai
 from supervisor.modes.doubts import Doubts, is_guess, moment
 from supervisor.modes.modes import Effect, ModeSettings, ModeState, next_state
 from supervisor.modes.speed import SpeedFactor
+from supervisor.modes.waits import Bounds, Halt, View, obstacle, waits_for
 from supervisor.path.follow import FollowSettings
 from supervisor.path.fusion import FusionSettings, Path
 from supervisor.path.hand_over import HandOver
@@ -78,6 +80,17 @@ class SupervisorSettings(Settings):
             if problem:
                 yield path, problem
 
+    def refuse(self, rules: FearRules, source: pathlib.Path | None) -> None:
+        """Raise InputError for ``rules`` that these settings, of the file ``source``, do not fit."""
+        for name, hint in unknown_features(rules.names):
+            raise InputError(f"the fear rules name an unknown input {name!r}; {hint}")
+        for _, fault in wrong_ranges(rules.file.inputs):
+            raise InputError(f"the fear rules: {fault}")
+        for path, problem in self.problems(rules):
+            if source is not None:
+                raise InputError(located(path, problem, read(source), source))
+            raise InputError(f"{'.'.join(map(str, path))}: {problem}")
+
 
 class Supervisor:
     """Rates the risk of every frame, fuses the estimates, and decides the path and the speed cap.
@@ -114,6 +127,7 @@ class Supervisor:
         self._lateness = Lateness(settings.validation.late)
         self._watchdog = Watchdog(settings.validation, frames_s=settings.modes.comfort_stop_age_s)
         self._doubts = Doubts(settings.modes)
+        self._bounds = Bounds(settings.modes, settings.validation, settings.follow, 1 / enlargement)
         self._mode = ModeState.initial()
         self._speed = SpeedFactor(settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)
@@ -127,14 +141,7 @@ class Supervisor:
         Raises InputError, and keeps the old rules, when ``rules`` name an unknown input, do not rate a name in the
         settings, or do not give a cause in the settings: the stop for it would never come.
         """
-        for name, hint in unknown_features(rules.names):
-            raise InputError(f"the fear rules name an unknown input {name!r}; {hint}")
-        for _, fault in wrong_ranges(rules.file.inputs):
-            raise InputError(f"the fear rules: {fault}")
-        for path, problem in self._settings.problems(rules):
-            if self._source is not None:
-                raise InputError(located(path, problem, read(self._source), self._source))
-            raise InputError(f"{'.'.join(map(str, path))}: {problem}")
+        self._settings.refuse(rules, self._source)
         self._rules = rules
 
     @property
@@ -196,21 +203,23 @@ class Supervisor:
         ages_s = {**world.ages_s, STATISTICS: world.statistics_age_s, LEAD: world.ahead.age_s}
         possible = {n: m.t_s for n, m in senders.items() if m and math.isfinite(ages_s[n])}
         late = self._lateness.step(possible, now_s=now_s, came_s={LEAD: lead_sent_s})
+        modes = self._settings.modes
+        view = View(world, rules, self._bounds, self._mode, rated.fear, cause)
         now = moment(
             world,
             rules,
-            self._settings.modes,
-            self._mode,
+            modes,
             fear=rated.fear,
             cause=cause,
             fault=fault,
             late=bool(late) or is_image_late(world.features, self._settings.analyser),
+            drivable=obstacle(view) is None,
             driver=driver,
             driven=self._driver,
         )
         begins = self._mode.mode is Mode.STOP
         situation = self._doubts.step(now, rules.file.hysteresis, now_s=now_s)
-        self._mode = next_state(self._mode, situation, final_causes=self._settings.modes.final_causes)
+        self._mode = next_state(self._mode, situation, final_causes=modes.final_causes)
         self._held_back = Effect.HOLD_BACK in situation.effects
         if self._held_back:
             cause = cause_of_lateness(late, estimates) if late else Cause.FROZEN_CAMERA
@@ -228,7 +237,9 @@ class Supervisor:
             factor = at_most(factor, self._settings.lost_process_speed_factor)
             cause = Cause.LOST_PROCESS if cause == CALM else cause
         decision = self._decision(world, rated, self._mode.cause or cause, finding, factor, now_s)
-        return self._reference.restored(decision)
+        held, lead_mps = str(cause) * self._held_back, self._observer.follower.speed_cap_mps(world.ahead)
+        halt = Halt(self._mode, now, self._doubts.healthy_s, held, late, decision.speed_cap_mps, lead_mps)
+        return self._reference.restored(replace(decision, waits_for=waits_for(view, halt)))
 
     @property
     def _stop(self) -> Stop:

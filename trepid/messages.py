@@ -217,6 +217,9 @@ class Decision:
     sight_m: float | None = None  # distance from the rear axle that the car may rely on; None: not known
     sight_cause: str = ""  # cause that ends it (trepid.causes); "": none
     sight_cap_mps: float | None = None  # the speed from which the car stops within it; None: no limit
+    waits_for: str = (
+        ""  # why the car stands or brakes to standstill, and what would end that; "": it may drive
+    )
 
 
 @record

@@ -28,6 +28,7 @@ class Fault(NamedTuple):
 
     cause: str  # "" for none
     lost: bool
+    part: str = ""  # the lost estimators
 
 
 class Watchdog:
@@ -79,7 +80,8 @@ class Watchdog:
             cause = Cause.LOST_PROCESS
         elif driver_override:
             cause = Cause.DRIVER_OVERRIDE
-        return Fault(cause, bool(lost) or process_lost)
+        part = ", ".join(sorted(lost & estimators)) if cause == Cause.LOST_ESTIMATOR else ""
+        return Fault(cause, bool(lost) or process_lost, part)
 
 
 def cause_of_lateness(late: Collection[str], estimators: Collection[str]) -> Cause:

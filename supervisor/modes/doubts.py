@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from supervisor.inputs.timers import Held, Patience
+from supervisor.inputs.timers import Held, Patience, Stopwatch
 from supervisor.inputs.watchdog import Fault
-from supervisor.modes.modes import Effect, ModeSettings, ModeState, Situation
+from supervisor.modes.modes import Effect, ModeSettings, Situation
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import Hysteresis
 from supervisor.situation.world_state import WorldState
@@ -32,7 +32,7 @@ class Moment(NamedTuple):
     frameless: bool  # no frame for the time of an emergency stop
     guess: bool  # every estimator is more likely wrong than right
     road: bool  # an estimator measures the road with confidence
-    drivable: bool  # estimates are valid, fear is low, and no cause that would stop the car is active
+    drivable: bool  # no obstacle of :mod:`supervisor.modes.waits` keeps a standing car from driving
     driver: bool  # a driver acts now ...
     driven: bool  # ... or did so at the last step
 
@@ -51,21 +51,18 @@ def moment(
     world: WorldState,
     rules: FearRules,
     modes: ModeSettings,
-    state: ModeState,
     *,
     fear: float,
     cause: str,
     fault: Fault,
     late: bool,
+    drivable: bool,
     driver: bool,
     driven: bool,
 ) -> Moment:
-    """The conditions of the doubts, from the world, fear and its cause, late inputs, and the mode so far."""
+    """The conditions of the doubts, from the world, fear and its cause, late inputs, and obstacles."""
     wanted = rules.mode(fear)
     motion, last = world.motion, world.last_motion
-    # Do not start while a cause that would stop the car is active, or the cause of the present stop.
-    doubted = not {cause, state.cause}.isdisjoint(modes.stop_after_s)
-    startable = wanted is Mode.KEEP or not doubted
     frameless = fault.cause == Cause.STALE_DATA and min(world.ages_s.values()) > modes.emergency_stop_age_s
     return Moment(
         fault=fault,
@@ -82,7 +79,7 @@ def moment(
         frameless=frameless,
         guess=is_guess(world, modes),
         road=world.surest >= modes.road_back_confidence,
-        drivable=world.drivable and fear <= modes.reengage_max_fear and startable,
+        drivable=drivable,
         driver=driver,
         driven=driven,
     )
@@ -236,9 +233,13 @@ class Doubts:
     def __init__(self, modes: ModeSettings) -> None:
         self._modes = modes
         self._timers = [(doubt, doubt.timer()) for doubt in doubts_of(modes)]
+        self._healthy = Stopwatch()
+        self.healthy_s = 0.0
+        """For how long the car has been healthy at standstill, at the last step."""
 
     def step(self, m: Moment, hysteresis: Hysteresis, *, now_s: float) -> Situation:
         """The situation at ``now_s``: the moment, and the effects of the rows that have lasted for their time."""
+        self.healthy_s = self._healthy.step(_ready(m), now_s=now_s)
         effects = frozenset(
             [
                 doubt.effect
@@ -257,4 +258,5 @@ class Doubts:
             lead=m.lead,
             standstill=m.standstill,
             effects=effects - DRIVERS if m.driver else effects,
+            part=m.fault.part,
         )

@@ -72,6 +72,7 @@ class Situation(NamedTuple):
     lead: bool  # there is a vehicle to follow
     standstill: bool
     effects: frozenset[Effect]  # of the doubts and assurances after their delays
+    part: str = ""  # concerned by the fault: the lost estimators
 
 
 class ModeState(NamedTuple):
@@ -81,6 +82,7 @@ class ModeState(NamedTuple):
     stop: Stop
     cause: str  # of the stop; "" without a stop
     final: bool  # this stop ends the run
+    part: str = ""  # concerned by the cause: the lost estimators
 
     @classmethod
     def initial(cls) -> "ModeState":
@@ -158,7 +160,8 @@ def _entered(mode: Mode, now: Situation, final_causes: Collection[str]) -> ModeS
         return ModeState(mode, Stop.NONE, "", final=False)
     doubted = not now.effects.isdisjoint({Effect.STOP, Effect.STOP_ON_ROAD})
     cause = now.fault or (now.cause if doubted else Cause.NO_ROAD)
-    return _tightened(ModeState(Mode.STOP, Stop.COMFORT, cause, final=cause in final_causes), now)
+    stop = ModeState(Mode.STOP, Stop.COMFORT, cause, final=cause in final_causes, part=now.part)
+    return _tightened(stop, now)
 
 
 def _tightened(state: ModeState, now: Situation) -> ModeState:
@@ -166,7 +169,7 @@ def _tightened(state: ModeState, now: Situation) -> ModeState:
     process makes it final, except before the first drive, while the processes start.
     """
     if Effect.EMERGENCY in now.effects and not (state.final and state.stop is Stop.EMERGENCY):
-        return ModeState(Mode.STOP, Stop.EMERGENCY, now.fault or now.cause, final=True)
+        return ModeState(Mode.STOP, Stop.EMERGENCY, now.fault or now.cause, final=True, part=now.part)
     return state._replace(
         stop=Stop.EMERGENCY if Effect.BRAKE_HARDER in now.effects else state.stop,
         final=state.final or (now.lost and state.cause != STARTING),

@@ -48,12 +48,6 @@ class WorldState(NamedTuple):
         return {e.estimator: e.age_s for e in self.estimates}
 
     @property
-    def drivable(self) -> bool:
-        """Every estimator has sent a valid message lately, with or without a lane, and one has a usable lane."""
-        valid = None not in [e.confidence for e in self.estimates]
-        return bool(self.estimates) and valid and bool(self.fused.sources)
-
-    @property
     def surest(self) -> float:
         """Greatest confidence of a usable lane or angle; 0 without one."""
         return max([e.confidence or 0.0 for e in self.estimates if e.lane], default=0.0)

@@ -49,7 +49,7 @@ def test_a_sender_is_lost_when_it_has_sent_nothing_possible_for_lost_s() -> None
     faults = watched([0.0] * 10 + [math.inf] * 20)
     lost_after = round(SETTINGS.validation.lost_s / 0.04)
     assert [fault.lost for fault in faults[9:]] == [n > lost_after for n in range(21)]
-    assert faults[-1] == Fault(Cause.LOST_ESTIMATOR, True)
+    assert faults[-1] == Fault(Cause.LOST_ESTIMATOR, True, part="cv")
 
 
 def test_a_sender_whose_messages_are_always_old_is_not_lost() -> None:

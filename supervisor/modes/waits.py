@@ -1,0 +1,190 @@
+"""What keeps a car from driving, and what would end that: the words of every display.
+
+The obstacles of a start decide with the same table from which their words come, so that a display never names
+another reason than the one that holds the car.
+"""
+
+import math
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from supervisor.inputs.validation import ValidationSettings
+from supervisor.modes.doubts import Moment
+from supervisor.modes.modes import STARTING, ModeSettings, ModeState
+from supervisor.path.follow import FollowSettings
+from supervisor.rules.inference import FearRules
+from supervisor.situation.world_state import WorldState
+from trepid.bounds import at_least
+from trepid.causes import Cause
+from trepid.lateness import RECOVERED
+from trepid.messages import Mode, Stop
+
+
+class Bounds(NamedTuple):
+    """The settings that the words name."""
+
+    modes: ModeSettings
+    validation: ValidationSettings
+    follow: FollowSettings
+    scale: float  # of the world of the car relative to that of these settings
+
+
+class View(NamedTuple):
+    """The situation of one step, as far as a start depends on it."""
+
+    world: WorldState
+    rules: FearRules
+    bounds: Bounds
+    state: ModeState  # so far
+    fear: float
+    cause: str  # of fear
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """One row: a condition that keeps a standing car from driving, and the end of it in words."""
+
+    name: str
+    holds: Callable[[View], bool]
+    waits_for: Callable[[View], str]
+
+
+def since(age_s: float) -> str:
+    """The age of the newest message of a sender, as text: inf is that of a sender without any."""
+    return f"none for {age_s:.1f} s" if math.isfinite(age_s) else "none so far"
+
+
+def _invalid(v: View) -> list[str]:
+    """Estimators without a valid message lately."""
+    return [e.estimator for e in v.world.estimates if e.confidence is None]
+
+
+def _estimates(v: View) -> str:
+    invalid, ages_s = _invalid(v), v.world.ages_s
+    if not ages_s:
+        return "an estimator (the drive has none)"
+    if invalid == list(ages_s) and not v.world.statistics_age_s < min(ages_s.values()):
+        return f"frames of the camera ({since(min(ages_s.values()))})"
+    named = ", ".join(
+        f"{e.estimator} ({'not valid' if e.broken else since(e.age_s)})"
+        for e in v.world.estimates
+        if e.estimator in invalid
+    )
+    return f"the estimate of {named}"
+
+
+def _confidences(v: View) -> str:
+    seen = ", ".join(f"{e.estimator} {e.confidence or 0.0:.2f}" for e in v.world.estimates)
+    return f"a lane with a confidence of at least {v.bounds.validation.min_confidence:g} (now {seen})"
+
+
+def _calm(v: View) -> str:
+    times = "" if v.bounds.modes.reengage_after_s is None else f"{v.bounds.modes.reengage_after_s:.1f} s of "
+    return f"{times}fear of at most {v.bounds.modes.reengage_max_fear:g} (now {v.fear:.2f}: {v.cause})"
+
+
+def _doubtful(v: View) -> bool:
+    """A cause that would stop the car is active, or was that of the present stop."""
+    doubted = not {v.cause, v.state.cause}.isdisjoint(v.bounds.modes.stop_after_s)
+    return doubted and v.rules.mode(v.fear) is not Mode.KEEP
+
+
+def _less_doubt(v: View) -> str:
+    return f"a level of fear with the mode KEEP (now {v.fear:.2f}: {v.cause})"
+
+
+def _state(v: View) -> str:
+    """The age of the state; a fresh one that counts as missing has an impossible or no value."""
+    age_s = v.world.state_age_s
+    return "not valid" if age_s <= v.bounds.validation.state_fresh_s else since(age_s)
+
+
+OBSTACLES = (
+    Obstacle(
+        "an estimator without a valid message",
+        lambda v: not v.world.estimates or bool(_invalid(v)),
+        _estimates,
+    ),
+    Obstacle(
+        "no valid state of the vehicle",
+        lambda v: v.world.motion is None,
+        lambda v: f"the state of the vehicle ({_state(v)})",
+    ),
+    Obstacle("no usable lane", lambda v: not v.world.fused.sources, _confidences),
+    Obstacle("fear above `reengage_max_fear`", lambda v: v.fear > v.bounds.modes.reengage_max_fear, _calm),
+    Obstacle("a cause that stops the car", _doubtful, _less_doubt),
+)
+"""The first row that holds gives the words. Without one, a standing car drives after ``reengage_after_s``."""
+
+
+def obstacle(view: View) -> Obstacle | None:
+    """The first of OBSTACLES that holds."""
+    return next((row for row in OBSTACLES if row.holds(view)), None)
+
+
+class Halt(NamedTuple):
+    """The mode after one step, and what holds the car in it."""
+
+    state: ModeState
+    now: Moment
+    healthy_s: float  # for how long a standing car has had neither obstacle nor fault
+    braked_for: str  # cause of the comfort brake without a change of mode; "" without it
+    late: Collection[str]  # senders of late messages
+    cap_mps: float
+    lead_cap_mps: float  # by the gap to the vehicle ahead
+
+
+def waits_for(view: View, halt: Halt) -> str:
+    """What the car waits for, and what would end it; "" while it may drive."""
+    if halt.state.mode is Mode.STOP:
+        return _stop(view, halt)
+    if halt.braked_for:
+        end = f"{RECOVERED} messages in time of {', '.join(halt.late)}" if halt.late else "a new image"
+        return f"brakes for {halt.braked_for}: waits for {end}"
+    if halt.cap_mps >= view.bounds.modes.standstill_mps:
+        return ""
+    if halt.lead_cap_mps < view.bounds.modes.standstill_mps:
+        return _behind_a_vehicle(view.world.ahead.distance_m, view.bounds)
+    return f"brakes for fear {view.fear:.2f} ({view.cause}): waits for less fear"
+
+
+def _behind_a_vehicle(gap_m: float | None, bounds: Bounds) -> str:
+    seen = "" if gap_m is None else f", {gap_m * bounds.scale:.1f} m"
+    least_m = bounds.follow.standstill_gap_m * bounds.scale
+    return f"waits behind a vehicle{seen}: drives on beyond {least_m:.1f} m"
+
+
+ENDS = {
+    Cause.DRIVER_OVERRIDE.value: "the driver to let go",
+    Cause.LOST_PROCESS.value: "the process that is lost",
+    Cause.IMAGE_STATISTICS_LOST.value: "the image statistics",
+    Cause.LEAD_LOST.value: "the detector of vehicles",
+}
+"""Cause of a fault -> what ends it, where no obstacle says it better."""
+
+
+def _stop(view: View, halt: Halt) -> str:
+    """The words about a stop."""
+    state, standing, fault = halt.state, halt.now.standstill, halt.now.fault.cause
+    part = f" {state.part}" if state.part else ""
+    stop = "emergency stop" if state.stop is Stop.EMERGENCY else "stopped" if standing else "stopping"
+    head = "starting" if state.cause == STARTING and not state.final else f"{stop} for {state.cause}{part}"
+    if state.final:
+        return f"{head}: final; restart the drive"
+    if not standing and view.world.motion is not None:
+        driver = ", or for a driver who hands over" if state.cause == STARTING else ""
+        return f"{head}: waits for standstill{driver}"
+    return f"{head}: {_start(view, halt, fault, view.bounds.modes.reengage_after_s)}"
+
+
+def _start(view: View, halt: Halt, fault: str, after_s: float | None) -> str:
+    """What a standing car waits for before it drives, ``after_s`` without obstacle and fault; None: never."""
+    if after_s is None:
+        return "final, as reengage_after_s is null; restart the drive"
+    row = None if fault in ENDS else obstacle(view)
+    if row is not None:
+        return f"waits for {row.waits_for(view)}"
+    if fault:
+        return f"waits for {ENDS.get(fault, f'the end of {fault}')}"
+    return f"drives after {at_least(after_s - halt.healthy_s, 0.0):.1f} s more without a fault"

@@ -1,0 +1,167 @@
+"""What a waiting car names: the condition that holds it, and what would end it."""
+
+import math
+import re
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from supervisor_rig import ESTIMATE, LATENCY_S, SETTINGS, STATE, STATISTICS, Drive
+
+from supervisor.rules.verify import load_verified
+from supervisor.supervisor import Supervisor
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Decision, LeadVehicle, Losses, Mode, Stop
+from trepid.scale import scaled_message
+
+UNSURE = replace(ESTIMATE, confidence=0.1)
+DIM = replace(STATISTICS, brightness=0.02)
+HALTED = LeadVehicle(t_s=0.0, distance_m=2.7, lateral_m=0.0, speed_mps=0.0, confidence=0.9)
+SILENT: dict[str, Any] = dict.fromkeys(("cv", "cnn", "statistics"))
+
+
+def first(drive: Drive, **messages: Any) -> str:
+    return drive.last(0.2, **messages).waits_for
+
+
+@pytest.mark.parametrize(
+    ("messages", "words"),
+    [
+        (SILENT, "starting: waits for frames of the camera (none so far)"),
+        ({"cnn": None}, "starting: waits for the estimate of cnn (none so far)"),
+        ({"cnn": replace(ESTIMATE, confidence=7.0)}, "starting: waits for the estimate of cnn (not valid)"),
+        ({"state": None}, "starting: waits for the state of the vehicle (none so far)"),
+        (
+            {"state": replace(STATE, yaw_rate_radps=math.nan)},
+            "starting: waits for the state of the vehicle (not valid)",
+        ),
+        (
+            {"cv": UNSURE, "cnn": UNSURE},
+            "starting: waits for a lane with a confidence of at least 0.2 (now cv 0.10, cnn 0.10)",
+        ),
+        (
+            {"statistics": None},
+            "starting: waits for 2.0 s of fear of at most 0.62 (now 1.00: image_statistics_lost)",
+        ),
+        ({"statistics": DIM}, "starting: waits for 2.0 s of fear of at most 0.62 (now 0.75: dark)"),
+        (
+            {"state": replace(STATE, driver_override=True)},
+            "starting: waits for the driver to let go",
+        ),
+    ],
+)
+def test_a_standing_car_names_the_first_condition_that_keeps_it_from_driving(
+    messages: dict[str, Any], words: str
+) -> None:
+    assert first(Drive(), **messages) == words
+
+
+def test_a_healthy_car_counts_down_to_its_start_and_then_waits_for_nothing() -> None:
+    drive = Drive()
+    said = [drive.frame().waits_for for _ in range(60)]
+    left_s = [float(re.search(r"drives after ([0-9.]+) s more", words)[1]) for words in said if words]  # type: ignore[index]
+    assert left_s == sorted(left_s, reverse=True) and left_s[0] == SETTINGS.modes.reengage_after_s
+    assert said[-1] == ""
+
+
+def test_the_age_of_a_silent_estimator_grows_in_the_words() -> None:
+    drive = Drive()
+    drive.last(0.4, cnn=ESTIMATE, statistics=DIM)
+    words = drive.last(3.08, cnn=None, statistics=DIM).waits_for
+    assert words == f"starting: waits for the estimate of cnn (none for {3.08 + LATENCY_S:.1f} s)"
+
+
+def test_a_car_that_starts_on_the_move_waits_for_standstill_or_a_driver() -> None:
+    assert first(Drive(speed_mps=8.0)) == "starting: waits for standstill, or for a driver who hands over"
+
+
+@pytest.mark.parametrize("lost", ["cv", "cnn"])
+def test_a_stop_for_a_lost_estimator_names_it_and_is_final_also_when_it_is_back(lost: str) -> None:
+    drive = Drive.under_way()
+    words = f"stopping for lost_estimator {lost}: final; restart the drive"
+    assert drive.last(0.6, **{lost: None}).waits_for == words
+    drive.speed_mps = 0.0
+    assert drive.last(4.0).waits_for == words.replace("stopping", "stopped")
+
+
+def test_an_emergency_stop_is_named_as_such() -> None:
+    drive = Drive.under_way()
+    assert drive.last(0.9, **SILENT).waits_for == "emergency stop for stale_data: final; restart the drive"
+
+
+def test_a_stop_for_fear_waits_for_standstill_and_then_for_less_fear() -> None:
+    drive = Drive.under_way()
+    blind = {"statistics": DIM, "cv": replace(ESTIMATE, confidence=0.2), "cnn": UNSURE}
+    stopping = drive.last(0.8, **blind)
+    assert (stopping.mode, stopping.waits_for) == (Mode.STOP, "stopping for dark: waits for standstill")
+    drive.speed_mps = 0.0
+    waits = drive.last(0.2, **blind).waits_for
+    assert waits.startswith("stopped for dark: waits for 2.0 s of fear of at most 0.62 (now ")
+
+
+def test_a_car_behind_a_standing_vehicle_names_the_gap_and_the_one_at_which_it_drives_on() -> None:
+    drive = Drive.under_way()
+    drive.speed_mps = 0.0
+    words = drive.last(2.0, lead=HALTED).waits_for
+    assert words == "waits behind a vehicle, 2.7 m: drives on beyond 3.0 m"
+
+
+def test_the_gap_is_that_of_a_small_car_in_its_own_world() -> None:
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    small = vehicle.model_copy(update={"lane_width_m": 0.1 * vehicle.lane_width_m})
+    drive = Drive(Supervisor(load_verified(CONFIG_DIR / "fear.yaml"), SETTINGS, small))
+    seen = scaled_message(ESTIMATE, 0.1)
+    assert drive.last(2.4, cv=seen, cnn=seen).waits_for == ""
+    words = drive.last(2.0, cv=seen, cnn=seen, lead=scaled_message(HALTED, 0.1)).waits_for
+    assert words == "waits behind a vehicle, 0.3 m: drives on beyond 0.3 m"
+
+
+def test_a_car_that_brakes_for_late_messages_names_their_senders() -> None:
+    drive = Drive.under_way()
+    late = [drive.frame(cv=None) for _ in range(6)]
+    braking = next(d for d in late if d.stop is Stop.COMFORT and d.mode is not Mode.STOP)
+    assert braking.waits_for == "brakes for lost_estimator: waits for 3 messages in time of cv"
+
+
+def test_a_lost_process_is_what_a_standing_car_waits_for() -> None:
+    drive = Drive()
+    drive.last(0.2)
+    get = drive.latest.get
+    decision = drive.supervisor.step(
+        {"cv": get("cv"), "cnn": get("cnn")},
+        get("statistics"),
+        None,
+        get("state"),
+        now_s=drive.now_s,
+        losses=Losses(t_s=0.0, stop=("vehicle",), slow=()),
+    )
+    assert decision.waits_for == "starting: waits for the process that is lost"
+
+
+@given(
+    st.lists(
+        st.fixed_dictionaries(
+            {},
+            optional={
+                "cv": st.sampled_from([None, UNSURE, ESTIMATE]),
+                "cnn": st.sampled_from([None, UNSURE, ESTIMATE]),
+                "statistics": st.sampled_from([None, DIM, STATISTICS]),
+                "lead": st.sampled_from([HALTED, None]),
+                "state": st.sampled_from([None, STATE, replace(STATE, driver_override=True)]),
+            },
+        ),
+        min_size=1,
+        max_size=40,
+    ),
+    st.sampled_from([0.0, 8.0]),
+)
+def test_a_car_that_may_not_drive_always_says_why_and_one_that_may_says_nothing(
+    frames: list[dict[str, Any]], speed_mps: float
+) -> None:
+    drive = Drive(speed_mps=speed_mps)
+    for messages in frames:
+        decision: Decision = drive.frame(**messages)
+        assert bool(decision.waits_for) == (decision.speed_cap_mps < SETTINGS.modes.standstill_mps)
