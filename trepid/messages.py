@@ -212,14 +212,14 @@ class Decision:
     sources: tuple[str, ...]  # estimator names …
     trust: tuple[float, ...]  # … and their weights in the fusion, sum 1 (empty without fusion)
     disagreement_mps2: float | None = None  # |Δκ_cmd|·v² between estimators
-    speed_factor: float  # 0..1, non-increasing in fear
-    speed_cap_mps: float
     sight_m: float | None = None  # distance from the rear axle that the car may rely on; None: not known
     sight_cause: str = ""  # cause that ends it (trepid.causes); "": none
     sight_cap_mps: float | None = None  # the speed from which the car stops within it; None: no limit
-    waits_for: str = (
-        ""  # why the car stands or brakes to standstill, and what would end that; "": it may drive
-    )
+    # why the car stands or brakes to standstill, and what would end that; "": it may drive
+    waits_for: str = ""
+    # last, because a recording is searched by the last bytes of its decisions (cockpit/logbook/recall.py)
+    speed_factor: float  # 0..1, non-increasing in fear
+    speed_cap_mps: float
 
 
 @record
