@@ -11,6 +11,7 @@ from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import STILL, Motion
+from sim_harness.world.sight_truth import SightDistance, SightTruth
 from trepid.messages import Frame, SimTruth
 from trepid.types import Image
 
@@ -21,16 +22,19 @@ class Shot:
 
     truth: SimTruth  # at the capture; also of a frozen or a black frame
     frame: Frame | None  # None where nothing is rendered
+    sight: SightDistance | None = None  # how far the camera sees in truth, faults of the camera apart
 
 
 class SimulatedCamera:
     """Renders frames from the true pose, with the camera faults that are active."""
 
-    def __init__(self, scenario: Scenario, renderer: Renderer | None) -> None:
-        """Without a ``renderer`` shots have no frames."""
+    def __init__(
+        self, scenario: Scenario, renderer: Renderer | None, sight_truth: SightTruth | None = None
+    ) -> None:
+        """Without a ``renderer`` shots have no frames, without ``sight_truth`` no sight."""
         self._faults = scenario.faults
         self._bodies = [vehicle.body for vehicle in scenario.traffic]
-        self._renderer = renderer
+        self._renderer, self._sight_truth = renderer, sight_truth
         self._last: Image | None = None
         self._underway: list[tuple[float, Shot]] = []  # time of arrival
 
@@ -47,10 +51,16 @@ class SimulatedCamera:
         if self._renderer is not None:
             frame = Frame(t_s=truth.t_s, image=self._image(self._renderer, truth, faults))
         delay_s = sum(fault.delay_s for fault in faults if isinstance(fault, LateFrames))
-        self._underway.append((now_s + delay_s, Shot(truth, frame)))
+        self._underway.append((now_s + delay_s, Shot(truth, frame, self._sight(truth))))
         arrived = [shot for due_s, shot in self._underway if due_s <= now_s + 1e-9]
         self._underway = [(due_s, shot) for due_s, shot in self._underway if due_s > now_s + 1e-9]
         return max(arrived, key=lambda shot: shot.truth.t_s, default=None)
+
+    def _sight(self, truth: SimTruth) -> SightDistance | None:
+        if self._sight_truth is None:
+            return None
+        pose = (truth.x_m, truth.y_m, truth.yaw_rad)
+        return self._sight_truth.at(truth.station_m, pose, others(truth, self._bodies))
 
     def _image(self, renderer: Renderer, truth: SimTruth, faults: list[Fault]) -> Image:
         if self._last is not None and any(isinstance(fault, FrozenCamera) for fault in faults):

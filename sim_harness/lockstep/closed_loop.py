@@ -35,6 +35,7 @@ from sim_harness.scenarios.faults import EstimatorBias, LostLane
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.disturbance_table import load_table
+from sim_harness.world.sight_truth import SightDistance, SightTruth, load_sight_settings
 from supervisor.rules.rule_file import RuleFile
 from supervisor.supervisor import Supervisor
 from trepid.car.camera import Camera
@@ -75,6 +76,7 @@ class Instant:
     truth: SimTruth
     state: VehicleState
     frame: Frame | None  # arrived in this period
+    sight: SightDistance | None  # true sight of the shot that arrived in this period
     estimates: Mapping[str, SteeringEstimate | None]
     statistics: ImageStatistics | None
     lead: LeadVehicle | None
@@ -147,7 +149,9 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
         renderer = Renderer(road, camera, seed=seed, disturbances=scenario.disturbances)
     return Parts(
         vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, load_simulator(), seed=seed),
-        camera=SimulatedCamera(scenario, renderer),
+        camera=SimulatedCamera(
+            scenario, renderer, SightTruth(road, camera, scenario.disturbances, seed=seed)
+        ),
         estimators={name: _estimator(scenario, name) for name in scenario.estimators if renderer},
         statistician=ImageStatistician(),
         supervisor=supervisor.supervisor.build(
@@ -181,6 +185,7 @@ def check_configuration(scenarios: Iterable[Scenario]) -> None:
     scenarios = tuple(scenarios)
     load_simulator()
     load(CONFIG_DIR / "camera.yaml", Camera)
+    load_sight_settings()
     load(default_file("fear.yaml"), RuleFile)  # its levels of fear are words of conditions
     controller.limiter.build()
     controller.controller.build()
@@ -245,6 +250,7 @@ class ClosedLoop:
                         truth=truth,
                         state=state,
                         frame=shot.frame if shot else None,
+                        sight=shot.sight if shot else None,
                         estimates=stack.estimates,
                         statistics=stack.statistics,
                         lead=stack.lead,
@@ -272,7 +278,7 @@ class ClosedLoop:
         return Perception(
             now_s + self._scenario.camera.latency_s,
             {name: self._falsified(name, estimate, now_s) for name, estimate in estimates.items()},
-            parts.statistician.step(frame, now_s=now_s) if frame else clear_view(shot.truth.t_s),
+            parts.statistician.step(frame, now_s=now_s) if frame else clear_view(shot.truth.t_s, shot.sight),
             self._find_lead(frame, state, now_s) if "lead" not in lost else None,
         )
 

@@ -2,10 +2,12 @@
 
 With ``sight: truth`` nothing is rendered, so that a run takes a fraction of the time; every estimator of the
 scenario publishes at the rate and with the latency of the camera, and faults of estimators and processes apply.
-The image statistics are constants that cause no fear. Disturbances of the image have no effect in such a run.
+The image statistics are constants that cause no fear, and the true sight distance: fog and darkness take sight, and
+have no other effect in such a run.
 """
 
 from sim_harness.world.roads.road import Road
+from sim_harness.world.sight_truth import SightDistance
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.messages import ImageStatistics, SimTruth, SteeringEstimate
@@ -47,8 +49,11 @@ class Oracle:
         )
 
 
-def clear_view(t_s: float) -> ImageStatistics:
-    """Statistics of a bright, sharp, fresh image: well inside "very_low" of every set in fear.yaml."""
+def clear_view(t_s: float, sight: SightDistance | None = None) -> ImageStatistics:
+    """Statistics of a bright, sharp, fresh image: well inside "very_low" of every set in fear.yaml.
+
+    ``sight``: the true sight distance, stated without a deviation; None: not known.
+    """
     return ImageStatistics(
         t_s=t_s,
         brightness=0.45,
@@ -58,4 +63,7 @@ def clear_view(t_s: float) -> ImageStatistics:
         sharpness=1000.0,
         frozen_s=0.0,
         spots=0.0,
+        sight_m=sight.distance_m if sight else None,
+        sight_sigma_m=0.0 if sight else None,
+        sight_cause=sight.cause if sight else "",
     )

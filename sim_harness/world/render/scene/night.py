@@ -36,25 +36,25 @@ class Headlights:
         camera = view.camera
         origin = np.array([camera.x_m, camera.y_m, camera.height_m])
         points = view.rays * view.distance_m + origin[:, None, None].astype(np.float32)
-        ground = _beams(points[0] - camera.x_m, points[1], points[2])
+        ground = beams(points[0] - camera.x_m, points[1], points[2])
         self._ground = np.where(view.rays[2] < 0, ground, 0).astype(np.float32)
 
     def light(self, scene: Floats, shot: Shot, settings: Night, grade: float) -> Floats:
         """``scene`` by night: the ambient light and the beams, whose illuminance falls with 1/distance²."""
         ambient, lamp = at(settings.ambient, grade), at(settings.headlight, grade)
-        beams = self._ground * np.float32(lamp)
+        thrown_on = self._ground * np.float32(lamp)
         for pose, body in shot.vehicles:
             shape = outline(self._view.camera, body, pose)
             if shape is not None:
                 place = np.array([pose[0] + body.rear_m - self._view.camera.x_m, pose[1], 0.5], np.float32)
-                near = lamp * float(_beams(*place[:, None])[0])
-                cv2.fillConvexPoly(beams, shape, near, cv2.LINE_8, SHIFT)
+                near = lamp * float(beams(*place[:, None])[0])
+                cv2.fillConvexPoly(thrown_on, shape, near, cv2.LINE_8, SHIFT)
         sky = np.where(self._view.rays[2] > 0, np.float32(SKY_SHARE), np.float32(1))
         dusk = min(4 * (1 - ambient), 1.0)
         day = np.array(NIGHT_BGR, np.float32) * dusk + (1 - dusk)
         dark = scene * (in_colour(np.asarray(sky * ambient)) * day)
         thrown = cv2.pow(np.maximum(scene, 1e-4), RETRO)
-        lit = np.asarray(thrown * (in_colour(beams) * np.array(LAMP_BGR, np.float32)), np.float32)
+        lit = np.asarray(thrown * (in_colour(thrown_on) * np.array(LAMP_BGR, np.float32)), np.float32)
         return self._tail_lamps(dark + lit, shot, 1 - ambient)
 
     def _tail_lamps(self, light: Floats, shot: Shot, share: float) -> Floats:
@@ -73,8 +73,11 @@ class Headlights:
         return light
 
 
-def _beams(ahead_m: Floats, left_m: Floats, up_m: Floats) -> Floats:
-    """Illuminance by both lamps of a surface that faces them."""
+def beams(ahead_m: Floats, left_m: Floats, up_m: Floats) -> Floats:
+    """Illuminance by both lamps of a surface that faces them, AXIS_M straight ahead on the road 1.
+
+    Places ahead of the camera, left of the middle of the vehicle and above the road, same shapes.
+    """
     total = np.zeros_like(ahead_m, dtype=np.float32)
     for side in (-LAMP_SIDE_M, LAMP_SIDE_M):
         forward = np.maximum(ahead_m - LAMP_AHEAD_M, 0.2)

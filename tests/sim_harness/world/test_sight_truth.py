@@ -1,0 +1,220 @@
+"""The true sight distance against closed forms, symmetries and the pixels of the rendered image."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_harness.lockstep.closed_loop import build_parts, run
+from sim_harness.scenarios.scenario import load_scenario
+from sim_harness.scenarios.traffic import BODIES, Shape
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.vehicles import Body
+from sim_harness.world.road_file import load_road
+from sim_harness.world.roads.appearance import Light, Section
+from sim_harness.world.roads.disturbances import Disturbance
+from sim_harness.world.roads.features import RoadMark
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from sim_harness.world.sight_truth import SightTruth, load_sight_settings
+from trepid.car.camera import Camera
+from trepid.causes import Cause
+from trepid.config import CONFIG_DIR, load
+
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+LIMIT_M = load_sight_settings().limit_m
+LANE_M = 3.4
+START = (10.0, 0.0, 0.0)
+LONG = (Segment(length_m=400),)
+
+
+def road(*marks: RoadMark, segments: tuple[Segment, ...] = LONG) -> Road:
+    section = Section(name="plain", start_m=0)
+    look = {"name": "plain", "closed": False, "lane_width_m": LANE_M, "sections": (section,)}
+    return Road(RoadSettings(**look, segments=segments, marks=marks))
+
+
+STRAIGHT = road()
+
+
+def of(kind: str, grade: float) -> Disturbance:
+    return Disturbance(kind=kind, grade=grade)
+
+
+def sight(*disturbances: Disturbance, vehicles=(), on: Road = STRAIGHT, station_m: float = 10.0):
+    pose = (*on.position(station_m, 0.0), on.heading_at(station_m))
+    return SightTruth(on, CAMERA, disturbances, seed=0).at(station_m, pose, vehicles)
+
+
+def test_nothing_takes_the_sight_along_a_clear_straight_road():
+    assert sight() == (LIMIT_M, "")
+
+
+@pytest.mark.parametrize(
+    ("grade", "range_m"), [(3, 100.0), (4, 50.0), (4.5, 2 / (1 / 50 + 1 / 25)), (5, 25.0)]
+)
+def test_fog_ends_the_sight_at_its_meteorological_optical_range(grade, range_m):
+    distance_m, cause = sight(of("fog", grade))
+    assert distance_m == pytest.approx(CAMERA.x_m + math.hypot(range_m, CAMERA.height_m), abs=0.1)
+    assert cause == Cause.FOG
+
+
+def test_extinctions_of_fog_and_rain_add():
+    one, two, both = (
+        3 / (sight(*which).distance_m - CAMERA.x_m)
+        for which in ([of("fog", 3)], [of("rain", 5)], [of("fog", 3), of("rain", 5)])
+    )
+    assert both == pytest.approx(one + two, rel=2e-3)
+
+
+@pytest.mark.parametrize("shape", [Shape.VAN, Shape.TRUCK])
+def test_a_vehicle_in_the_lane_ends_the_sight_at_its_near_end(shape):
+    body = BODIES[shape]
+    distance_m, cause = sight(vehicles=[((60.0, 0.3, 0.02), body)])
+    assert distance_m == pytest.approx(50.0 + body.rear_m, abs=0.1)
+    assert cause == Cause.OCCLUDED
+
+
+def test_vehicles_beside_a_straight_lane_hide_none_of_it():
+    beside = [((40.0, side * 3.4, 0.0), BODIES[Shape.TRUCK]) for side in (-1, 1)]
+    assert sight(vehicles=beside) == (LIMIT_M, "")
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_truck_inside_a_bend_hides_the_lane_behind_the_line_past_its_corner(sign):
+    """On a circle about (0, R) the first hidden place lies on the line past the near front corner of the truck."""
+    radius_m = 80.0
+    bent = road(segments=(Segment(length_m=200, curvature_1pm=sign / radius_m),))
+    truck = Body(rear_m=0.0, front_m=8.0, width_m=2.5, height_m=3.5)
+    distance_m, cause = sight(vehicles=[((20.0, sign * 8.0, 0.0), truck)], on=bent, station_m=0.0)
+    assert cause == Cause.OCCLUDED
+    # The lens is at (1.2, 0); the rays that the truck cuts first pass its corner (28, 8 - 1.25).
+    corner, lens = np.array([28.0, 6.75]), np.array([CAMERA.x_m, 0.0])
+    ahead_m = np.arange(1.0, 80.0, 0.01)
+    places = np.column_stack(
+        [radius_m * np.sin(ahead_m / radius_m), radius_m * (1 - np.cos(ahead_m / radius_m))]
+    )
+    ray, to_corner = places - lens, corner - lens
+    above = ray[:, 1] / ray[:, 0] > to_corner[1] / to_corner[0]
+    assert distance_m == pytest.approx(ahead_m[np.argmax(above & (ray[:, 0] > 10))], abs=0.1)
+
+
+def test_a_bend_ends_the_sight_where_the_lane_leaves_the_image():
+    """On a circle the line to a place s ahead is turned by half the angle s/R against the tangent."""
+    radius_m = 30.0
+    bent = road(segments=(Segment(length_m=150, curvature_1pm=1 / radius_m),))
+    camera = CAMERA.model_copy(update={"x_m": 0.0})
+    distance_m, cause = SightTruth(bent, camera, seed=0).at(0.0, (0.0, 0.0, 0.0))
+    cos_pitch, sin_pitch = math.cos(camera.pitch_down_rad), math.sin(camera.pitch_down_rad)
+    half_rad = distance_m / radius_m / 2
+    chord_m = 2 * radius_m * math.sin(half_rad)
+    depth_m = chord_m * math.cos(half_rad) * cos_pitch + camera.height_m * sin_pitch
+    assert camera.cx_px - camera.fx_px * chord_m * math.sin(half_rad) / depth_m == pytest.approx(
+        -0.5, abs=0.5
+    )
+    assert cause == ""
+
+
+@given(
+    grade=st.floats(0.0, 5.0),
+    more=st.floats(0.0, 2.0),
+    kind=st.sampled_from(["fog", "night", "rain", "snow"]),
+    fog=st.floats(0.0, 5.0),
+)
+@settings(max_examples=60, deadline=None)
+def test_sight_never_grows_with_the_grade(grade, more, kind, fog):
+    worse = min(grade + more, 5.0)
+    assert sight(of(kind, worse), of("fog", fog))[0] <= sight(of(kind, grade), of("fog", fog))[0] + 0.05
+
+
+def test_darkness_is_the_cause_at_night_and_fog_is_it_in_dense_fog_at_night():
+    assert sight(of("night", 5)).cause == Cause.DARK
+    assert 25 < sight(of("night", 5)).distance_m < sight(of("night", 3)).distance_m < 80
+    assert sight(of("night", 5), of("fog", 1)).cause == Cause.DARK
+    assert sight(of("fog", 5), of("night", 1)).cause == Cause.FOG
+
+
+@pytest.mark.parametrize("curvature_1pm", [0.0, 1 / 60])
+def test_sight_is_the_same_in_the_mirrored_world(curvature_1pm):
+    camera, sights = CAMERA.model_copy(update={"cx_px": (CAMERA.width_px - 1) / 2}), []
+    for sign in (-1, 1):
+        bent = road(segments=(Segment(length_m=300, curvature_1pm=sign * curvature_1pm),))
+        vehicles = [((45.0, sign * 9.0, sign * 0.3), BODIES[Shape.TRUCK]), ((80.0, 0.0, 0.0), Body())]
+        sights.append(SightTruth(bent, camera, [of("fog", 2)], seed=0).at(0.0, (0.0, 0.0, 0.0), vehicles))
+    assert sights[0].distance_m == pytest.approx(sights[1].distance_m, abs=1e-6)
+    assert sights[0].cause == sights[1].cause
+
+
+def test_a_model_of_the_road_has_the_sight_of_the_road_in_its_scale():
+    small = Road(
+        RoadSettings(
+            name="model",
+            closed=False,
+            lane_width_m=3.3 / 10,
+            segments=(Segment(length_m=40),),
+            sections=(Section(name="plain", start_m=0),),
+        )
+    )
+    camera = CAMERA.model_copy(update={"x_m": 0.12, "height_m": 0.145})
+    truth = SightTruth(small, camera, [of("fog", 5)], seed=0)
+    assert truth.at(1.0, (1.0, 0.0, 0.0)).distance_m == pytest.approx(sight(of("fog", 5)).distance_m / 10)
+
+
+def changed_by_a_zebra(at_m: float, *disturbances: Disturbance, vehicles=()) -> float:
+    """The greatest change of a grey level in the image by a zebra crossing painted at a station."""
+    frames = [
+        Renderer(one, CAMERA, seed=3, disturbances=disturbances).render(
+            *START, t_s=1.0, station_m=10.0, vehicles=vehicles, light=Light(noise=0)
+        )
+        for one in (STRAIGHT, road(RoadMark(kind="zebra", at_m=at_m)))
+    ]
+    return float(np.abs(frames[0].astype(int) - frames[1]).max())
+
+
+def test_beyond_the_sight_in_fog_paint_changes_hardly_a_pixel_and_within_it_does():
+    end_m = 10.0 + sight(of("fog", 5)).distance_m
+    assert changed_by_a_zebra(end_m, of("fog", 5)) <= 0.08 * changed_by_a_zebra(end_m)
+    assert changed_by_a_zebra(10.0 + (end_m - 10.0) / 2, of("fog", 5)) > 10
+
+
+def arrow(at_m: float) -> RoadMark:
+    return RoadMark(kind="arrow_straight", at_m=at_m)
+
+
+def test_behind_a_truck_paint_changes_no_pixel_and_before_it_does():
+    truck = [((50.0, 0.0, 0.0), BODIES[Shape.TRUCK])]
+    end_m = 10.0 + sight(vehicles=truck).distance_m
+    frames = [
+        Renderer(one, CAMERA, seed=3).render(
+            *START, t_s=1.0, station_m=10.0, vehicles=truck, light=Light(noise=0)
+        )
+        for one in (STRAIGHT, road(arrow(end_m + 22.0)), road(arrow(end_m - 8.0)))
+    ]
+    assert np.array_equal(frames[0], frames[1])
+    assert not np.array_equal(frames[0], frames[2])
+
+
+def test_a_drive_without_images_gets_the_true_sight_and_one_with_images_states_it_beside_the_frame():
+    seen, stated = [], []
+    scenario = load_scenario("fog", {"sight": "truth", "duration_s": "1"})
+    run(scenario, witness=lambda now: seen.append(now.statistics))
+    parts = build_parts(load_scenario("fog", {"duration_s": "1"}), seed=0)
+    expected = SightTruth(scenario.build_road(), CAMERA, scenario.disturbances, seed=0)
+    _, truth = parts.vehicle.step(None, None, now_s=0.0)
+    stated = parts.camera.shoot(truth, now_s=0.0)
+    assert stated is not None and stated.frame is not None
+    assert stated.sight == expected.at(truth.station_m, (truth.x_m, truth.y_m, truth.yaw_rad))
+    statistics = next(one for one in seen if one is not None)
+    assert (statistics.sight_m, statistics.sight_cause) == stated.sight
+    assert statistics.sight_sigma_m == 0.0
+
+
+def test_standing_vehicles_over_the_line_hide_the_lane_in_bends():
+    circuit = load_road("circuit")
+    stations = range(0, int(circuit.length_m), 15)
+    clear = [sight(on=circuit, station_m=s) for s in stations]
+    parked = [sight(of("occlusion", 5), on=circuit, station_m=s) for s in stations]
+    assert all(b.distance_m <= a.distance_m for a, b in zip(clear, parked, strict=True))
+    assert any(b.cause == Cause.OCCLUDED for b in parked)
+    assert not any(a.cause for a in clear)
