@@ -173,6 +173,8 @@ class VehicleState:
     driver_override: bool  # the driver steers: reported by the vehicle or detected by the limiter
     driver_torque_nm: float | None = None  # at the steering wheel, + = to the left; None: not measured
     saturated: bool | None = None  # the limiter cuts the steering demand continuously; None: not monitored
+    # names of the fields that are None because their sender calls them invalid, or because physics contradicts them
+    doubted: tuple[str, ...] = ()
 
 
 @record

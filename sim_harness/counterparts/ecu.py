@@ -56,7 +56,7 @@ class Ecu:
         for k, receiver in enumerate(self.receivers):
             if (receiver.address, receiver.extended) == (address, extended):
                 found = receiver.quantities(data)
-                if found is not None:
+                if found is not None and not receiver.invalid:
                     self._quantities |= found
                     self._heard_s[k] = now_s
 

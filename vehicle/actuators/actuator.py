@@ -8,6 +8,9 @@ from trepid.car.vehicle import Vehicle
 from trepid.clock import Clock
 from trepid.messages import Command, VehicleState
 
+INVALID = "invalid "
+"""Begins the name of a value of the heartbeat that gives the reason for which a quantity is no measurement."""
+
 
 class Car(NamedTuple):
     """What an actuator may use besides its settings."""
@@ -36,7 +39,10 @@ class Actuator(Protocol):
         ...
 
     def values(self) -> tuple[tuple[str, str], ...]:
-        """Names and values for the heartbeat, such as counts of refused frames; empty without any."""
+        """Names and values for the heartbeat, such as counts of refused frames; empty without any.
+
+        A name that begins with ``INVALID`` gives the reason for which a quantity is absent, and is in the message.
+        """
         ...
 
     def close(self) -> None:

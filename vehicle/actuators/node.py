@@ -20,7 +20,7 @@ from trepid.processes.process import STOP_S, Process, Ticker, process
 from trepid.processes.timing import Timekeeper
 from trepid.speech.loudness import warn
 from trepid.topics import COMMAND, DRIVER_INPUT, STOP_REQUEST, VEHICLE_STATE
-from vehicle.actuators.actuator import Actuator, Car
+from vehicle.actuators.actuator import INVALID, Actuator, Car
 from vehicle.actuators.table import build as build_actuator
 from vehicle.driver.arbitration import arbitrate, reported
 from vehicle.driver.settings import load_driver
@@ -105,6 +105,11 @@ class Wire:
         """Values for the heartbeat."""
         counted = (("wire_failures", str(self.failures)),) if self.failures else ()
         return (("actuator", self._name), *counted, *self._actuator.values())
+
+    def invalid(self) -> str:
+        """The quantities that their sender calls invalid, and why, as one text."""
+        reasons = [f"{name} {why}" for name, why in self._actuator.values() if name.startswith(INVALID)]
+        return "; ".join(reasons)
 
     def _tried(self, act: Callable[[], T]) -> T | None:
         try:
@@ -209,11 +214,14 @@ class Loop:
         if failed or self._wire.failures > self._known:
             health, text = Health.ERROR, f"actuator {self._name}: {self._wire.last}"
         elif state is None:
-            health, text = Health.WARN, f"actuator {self._name}: the car reports no state"
+            why = self._wire.invalid() or "the car reports no state"
+            health, text = Health.WARN, f"actuator {self._name}: {why}"
         elif ending:
             health, text = Health.WARN, "stops the car before it ends"
         else:
-            health, text = (Health.WARN if reason or stopped else Health.OK), reason
+            invalid = self._wire.invalid() if state.doubted else ""
+            text = "; ".join(filter(None, (reason, invalid)))
+            health = Health.WARN if text or stopped else Health.OK
         return health, "; ".join(filter(None, (stopped, text)))
 
 

@@ -3,13 +3,20 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from trepid.messages import Command, VehicleState
-from vehicle.actuators.actuator import Car
+from vehicle.actuators.actuator import INVALID, Car
 from vehicle.actuators.can.frames import Receiver, Sender
 from vehicle.actuators.can.quantities import largest, of_command, to_state
-from vehicle.actuators.can.settings import CanMap, CanSettings, ReportMessage
+from vehicle.actuators.can.settings import (
+    OVERRIDE,
+    ROAD_WHEEL,
+    STEERING_WHEEL,
+    CanMap,
+    CanSettings,
+    ReportMessage,
+)
 from vehicle.actuators.can.signal_map import load_map
 from vehicle.actuators.can.wire import CanWire
 
@@ -17,6 +24,14 @@ PAUSE_S = 0.1  # after a longer time without reading, the frames that waited hav
 LAST_FRAMES = 3  # of the safe state: a receiver that misses one gets another
 EARLY = 0.5  # of the writing period: a message is sent in the step nearest to its time
 STEP_S = 0.01
+
+
+class Report(NamedTuple):
+    """The newest intact frame of one message."""
+
+    quantities: dict[str, float]  # [SI]
+    invalid: dict[str, str]  # quantity that the sender calls invalid -> message, signal and value
+    received_s: float
 
 
 class CanActuator:
@@ -80,8 +95,9 @@ class CanActuator:
             raise failure
 
     def values(self) -> tuple[tuple[str, str], ...]:
-        """Number of refused frames by message and reason."""
-        return self._reports.values()
+        """Invalid signals by quantity, and the number of refused frames by message and reason."""
+        invalid = () if self._read_s is None else self._reports.invalid(now_s=self._read_s)
+        return (*invalid, *self._reports.values())
 
     def close(self) -> None:
         """Send the safe state: not engaged, ``safe_accel_mps2``, the last angle; nothing before the first command.
@@ -134,7 +150,7 @@ class Reports:
         self._all = list(receivers)
         self._timeouts_s = [each.timeout_s for each in mapped]
         self._needed = [any(signal.quantity in self.ESSENTIAL for signal in each.signals) for each in mapped]
-        self._newest: list[tuple[dict[str, float], float] | None] = [None] * len(receivers)
+        self._newest: list[Report | None] = [None] * len(receivers)
 
     def take(self, address: int, extended: bool, data: bytes, *, now_s: float) -> None:
         """Keep the quantities of a frame of the map that its checks accept."""
@@ -143,24 +159,41 @@ class Reports:
             return
         found = self._all[k].quantities(data)
         if found is not None:
-            self._newest[k] = found, now_s
+            self._newest[k] = Report(found, self._all[k].invalid, now_s)
 
     def state(self, *, now_s: float) -> VehicleState | None:
         """The state, dated with its oldest part.
 
         A message that is silent beyond its timeout has no quantities; without one of speed, wheel angle, torque or
-        override of the driver there is no state: an override that is not known is not "no override".
+        override of the driver there is no state: an override that is not known is not "no override". A quantity
+        that its sender calls invalid is absent at once, and doubted; an override likewise leaves no state.
         """
         quantities: list[tuple[str, float]] = []
+        invalid: set[str] = set()
         oldest_s = now_s
         for newest, timeout_s, needed in zip(self._newest, self._timeouts_s, self._needed, strict=True):
-            if newest is None or now_s - newest[1] > timeout_s:
+            if newest is None or now_s - newest.received_s > timeout_s:
                 if needed:
                     return None
                 continue
-            quantities += newest[0].items()
-            oldest_s = min(oldest_s, newest[1])
-        return to_state(largest(quantities), steering_ratio=self._ratio, t_s=oldest_s)
+            quantities += newest.quantities.items()
+            invalid.update(newest.invalid)
+            oldest_s = min(oldest_s, newest.received_s)
+        known = largest(quantities)
+        if OVERRIDE in invalid and not known.get(OVERRIDE):
+            return None
+        lacking = {ROAD_WHEEL if name == STEERING_WHEEL else name for name in invalid - set(known)}
+        state = to_state(known, steering_ratio=self._ratio, t_s=oldest_s)
+        return replace(state, doubted=tuple(sorted(lacking))) if lacking else state
+
+    def invalid(self, *, now_s: float) -> tuple[tuple[str, str], ...]:
+        """Every quantity that its sender calls invalid now, and its message, signal and value."""
+        return tuple(
+            (INVALID + quantity, text)
+            for newest, timeout_s in zip(self._newest, self._timeouts_s, strict=True)
+            if newest is not None and now_s - newest.received_s <= timeout_s
+            for quantity, text in newest.invalid.items()
+        )
 
     def values(self) -> tuple[tuple[str, str], ...]:
         """Number of refused frames by message and reason."""

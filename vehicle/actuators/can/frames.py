@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vehicle.actuators.can.checksums import checksum
+from vehicle.actuators.can.invalid import InvalidValues
 from vehicle.actuators.can.quantities import largest
 from vehicle.actuators.can.settings import Conversion, Mapped
 
@@ -121,14 +122,21 @@ class Receiver:
         self._length: int = message.length
         self._message = message
         self._conversions = list(conversions)
+        signals = [message.get_signal_by_name(each.signal) for each in conversions]
+        self._checks = [
+            InvalidValues(signal, message.protocol, each.invalid)
+            for each, signal in zip(conversions, signals, strict=True)
+        ]
         self._protection = Protection(mapped, message)
         self._count: int | None = None
         self._distrusted = 0  # right counters that are still missing after a wrong one
         self.refused: Counts[str] = Counts()
         """Number of refused frames by reason."""
+        self.invalid: dict[str, str] = {}
+        """Quantity that the sender of the newest intact frame calls invalid -> message, signal and value."""
 
     def quantities(self, data: bytes) -> dict[str, float] | None:
-        """The quantities in ``data`` [SI]; None for a frame that is refused.
+        """The quantities in ``data`` [SI] but those that are ``invalid``; None for a frame that is refused.
 
         The counter must be 1 to 3 ahead of that of the last intact frame: a repeated one is refused, a lost one is
         not an error. After a wrong counter three right ones in a row must come first, so that of two senders with
@@ -137,17 +145,24 @@ class Receiver:
         if len(data) != self._length:
             self.refused["length"] += 1
             return None
-        values = self._message.decode(data, decode_choices=False)
-        if not self._protection.intact(data, values):
+        raws = self._message.decode(data, decode_choices=False, scaling=False)
+        if not self._protection.intact(data, raws):
             self.refused["checksum"] += 1
             return None
         if self._protection.counter is not None:
-            before, self._count = self._count, int(values[self._protection.counter])
+            before, self._count = self._count, int(raws[self._protection.counter])
             ahead = 1 if before is None else (self._count - before) % self._protection.modulo
             self._distrusted = max(self._distrusted - 1, 0) if 1 <= ahead <= 1 + MOST_LOST else RIGHT_AGAIN
             if self._distrusted:
                 self.refused["counter"] += 1
                 return None
-        return largest(
-            (each.quantity, to_quantity(each, float(values[each.signal]))) for each in self._conversions
-        )
+        found: list[tuple[str, float]] = []
+        self.invalid = {}
+        for each, check in zip(self._conversions, self._checks, strict=True):
+            raw = float(raws[each.signal])
+            reason = check.reason(raw)
+            if reason:
+                self.invalid[each.quantity] = f"{self.name}.{each.signal}: {reason}"
+            else:
+                found.append((each.quantity, to_quantity(each, check.value(raw))))
+        return largest(found)

@@ -10,6 +10,7 @@ from trepid.types import Positive
 from vehicle.actuators.can.checksums import Algorithm
 
 ROAD_WHEEL, STEERING_WHEEL = "road_wheel_angle_rad", "steering_wheel_angle_rad"
+OVERRIDE = "driver_override"
 Commanded = Literal[
     "road_wheel_angle_rad",
     "steering_wheel_angle_rad",  # road-wheel angle · steering_ratio of the vehicle file
@@ -52,6 +53,9 @@ class Conversion(Settings):
     """One signal: signal = sign · scale · quantity + offset, in the units of the DBC."""
 
     signal: str
+    invalid: frozenset[int] = (
+        frozenset()
+    )  # raw values that are no measurement, besides those that the DBC states
     scale: Positive = 1.0  # units of the signal per SI unit
     offset: float = 0.0  # in units of the signal
     sign: Literal[1, -1] = 1  # -1: the signal is positive to the right, or while braking

@@ -1,0 +1,113 @@
+"""Values of a signal that are no measurement: named invalid, reserved by J1939, or outside the stated range.
+
+A DBC says so in three ways:
+
+- ``VAL_`` names a raw value, as in ``VAL_ 36 YAW_RATE 1023 "SNA"``. The names in use are those of opendbc's files
+  and of SAE J1939-71: signal not available, not available, invalid, error, fault, unknown, undefined, reserved.
+- ``[min|max]`` ends below the largest raw value; ``[0|0]`` states no range.
+- A message of the protocol J1939 reserves the largest raw values: of a byte 0xFB to 0xFF (0xFE error, 0xFF not
+  available), of longer signals those whose highest byte is one of these, of four bits 0xE and 0xF, of two bits 2
+  and 3 (SAE J1939-71, section 5.1.4).
+"""
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from typing import Any
+
+NEGATIONS = frozenset({"no", "not", "without", "ohne", "kein", "keine"})
+INVALID_STEMS = (
+    *(
+        "sna",
+        "snv",
+        "invalid",
+        "unavail",
+        "undefin",
+        "unknown",
+        "unplausib",
+        "implausib",
+        "reserved",
+        "nodata",
+    ),
+    *("err", "fault", "fail", "defect", "notavail", "notvalid", "notdefin", "nosignal", "uninit", "notinit"),
+    *("fehler", "ungueltig", "unplaus", "defekt", "nichtverf"),
+)
+NEGATED_STEMS = ("avail", "valid", "defin", "data", "signal", "init", "known", "present", "plausib", "used")
+INITIAL = frozenset({"init", "initial", "initializing", "initialising", "initialization", "initialisation"})
+NOT_AVAILABLE = frozenset({"na", "n a", "nv"})  # the whole name
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+_J1939_BITS = {2: 2, 4: 0xE}
+_BYTE = 8
+_FIRST_RESERVED = 0xFB
+
+
+def is_invalid_name(name: str) -> bool:
+    """Whether ``name``, the text of a value in ``VAL_``, says that the value is no measurement.
+
+    Words are split at signs, digits and capitals. A negation turns the next word: ``no_error`` and ``not_faulty``
+    are measurements, ``not available`` and ``no data`` are none.
+    """
+    words = [word.lower() for word in _WORD.findall(name)]
+    if " ".join(words) in NOT_AVAILABLE:
+        return True
+    negated = False
+    for word in words:
+        if word in NEGATIONS:
+            negated = True
+            continue
+        if negated:
+            if word.startswith(NEGATED_STEMS):
+                return True
+        elif word in INITIAL or word.startswith(INVALID_STEMS):
+            return True
+        negated = False
+    return False
+
+
+class InvalidValues:
+    """The values of one signal of cantools that are no measurement."""
+
+    def __init__(self, signal: Any, protocol: str | None, also: Collection[int] = ()) -> None:
+        """``protocol`` of the message in the DBC, such as ``j1939``; ``also``: further invalid raw values."""
+        self._scale, self._offset = float(signal.scale), float(signal.offset)
+        choices: Mapping[int, Any] = signal.choices or {}
+        self._named = {int(raw): str(text) for raw, text in choices.items() if is_invalid_name(str(text))}
+        self._also = frozenset(also)
+        self._stated = {int(raw) for raw in choices} - set(self._named)
+        low, high = signal.minimum, signal.maximum
+        ranged = low is not None and high is not None and low < high
+        rounding = abs(self._scale) / 2.0
+        self._low = low - rounding if ranged else -math.inf
+        self._high = high + rounding if ranged else math.inf
+        self._unit = f" {signal.unit}" if signal.unit else ""
+        self._range = f"[{low:g}|{high:g}]" if ranged else ""
+        plain = protocol == "j1939" and not signal.is_signed and not signal.is_float
+        self._reserved_from = _first_reserved(signal.length) if plain else math.inf
+
+    def value(self, raw: float) -> float:
+        """``raw`` in the units of the signal."""
+        return raw * self._scale + self._offset
+
+    def reason(self, raw: float) -> str:
+        """Why ``raw`` is no measurement, such as ``1023 is "SNA"``; "" for a measurement."""
+        value = self.value(raw)
+        if not math.isfinite(raw):
+            why = "is no number"
+        elif raw in self._named:
+            why = f'is "{self._named[int(raw)]}"'
+        elif raw in self._also:
+            why = "is invalid by the map"
+        elif raw not in self._stated and raw >= self._reserved_from:
+            why = "is reserved by J1939"
+        elif raw not in self._stated and not self._low <= value <= self._high:
+            return f"{value:g}{self._unit} is outside {self._range}"
+        else:
+            return ""
+        return f"{raw:g} {why}"
+
+
+def _first_reserved(bits: int) -> float:
+    """The least raw value that J1939 reserves in a signal of so many bits; inf: none."""
+    if bits >= _BYTE:
+        return _FIRST_RESERVED << (bits - _BYTE)
+    return _J1939_BITS.get(bits, math.inf)
