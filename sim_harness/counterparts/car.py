@@ -5,13 +5,14 @@ The limiter stands at the other end of the wire, so commands take effect as they
 
 from typing import TypeVar
 
+from sim_harness.lockstep.road_user_sensor import build_road_user_sensor
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, VehicleState
 from trepid.processes.process import Process, Ticker
-from trepid.topics import LEAD_VEHICLE, SIM_TRUTH
+from trepid.topics import LEAD_VEHICLE, ROAD_USERS, SIM_TRUTH
 from vehicle.actuators.table import configured
 
 S = TypeVar("S", bound=Settings)
@@ -42,12 +43,15 @@ class CarBehindWire:
             raise InputError(f"process {me.name} simulates a car and needs a scenario; a real car has none")
         scenario = Scenario.model_validate(me.options["scenario"])
         self.settings, self.vehicle = load_simulator(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+        seed = me.options.get("seed", 0)
         self._simulated = SimulatedVehicle(
-            scenario, scenario.build_road(), self.vehicle, None, self.settings, seed=me.options.get("seed", 0)
+            scenario, scenario.build_road(), self.vehicle, None, self.settings, seed=seed
         )
         self._send_truth, self._send_lead = me.bus.publisher(SIM_TRUTH), me.bus.publisher(LEAD_VEHICLE)
+        self._send_users = me.bus.publisher(ROAD_USERS)
         self._publishes_lead = scenario.leads_by is LeadSensor.TRUTH
-        self._lead_ticker = Ticker(LEAD_VEHICLE.rate_hz)
+        self._user_sensor = build_road_user_sensor(scenario.road_users_by, seed=seed)
+        self._sensor_ticker = Ticker(LEAD_VEHICLE.rate_hz)
 
     def step(self, command: Command | None, *, now_s: float) -> VehicleState:
         """Advance to ``now_s``, then apply ``command``; the measured state.
@@ -59,7 +63,15 @@ class CarBehindWire:
         else:
             state, truth = self._simulated.step(command, now_s, now_s=now_s)
         self._send_truth(truth)
-        lead = self._simulated.sense_lead() if self._publishes_lead else None
-        if lead is not None and self._lead_ticker.due():
-            self._send_lead(lead)
+        if self._sensor_ticker.due():
+            self._sense()
         return state
+
+    def _sense(self) -> None:
+        """Publish the vehicle ahead and the road users, where the scenario has the simulated car give them."""
+        lead = self._simulated.sense_lead() if self._publishes_lead else None
+        if lead is not None:
+            self._send_lead(lead)
+        users = self._user_sensor.step(self._simulated) if self._user_sensor else None
+        if users is not None:
+            self._send_users(users)

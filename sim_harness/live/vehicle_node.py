@@ -1,7 +1,8 @@
-"""Simulated-vehicle process: commands in; the plant behind the limiter; state, truth and any lead out."""
+"""Simulated-vehicle process: commands in; the plant behind the limiter; state, truth and what it senses out."""
 
 from controller.limiter import Limits
 from controller.limiter import build as build_limiter
+from sim_harness.lockstep.road_user_sensor import build_road_user_sensor
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.vehicle import Vehicle
@@ -9,7 +10,7 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import Health
 from trepid.processes.process import Process, Ticker, process
 from trepid.processes.timing import Timekeeper
-from trepid.topics import COMMAND, LEAD_VEHICLE, SIM_TRUTH, STOP_REQUEST, VEHICLE_STATE
+from trepid.topics import COMMAND, LEAD_VEHICLE, ROAD_USERS, SIM_TRUTH, STOP_REQUEST, VEHICLE_STATE
 from vehicle.driver.stop_button import STOPPED, StopButton
 
 
@@ -22,7 +23,7 @@ def run(me: Process) -> None:
     scenario, settings = Scenario.model_validate(me.options["scenario"]), load_simulator()
     command = me.bus.latest(COMMAND)
     send_state, send_truth = me.bus.publisher(VEHICLE_STATE), me.bus.publisher(SIM_TRUTH)
-    send_lead = me.bus.publisher(LEAD_VEHICLE)
+    send_lead, send_users = me.bus.publisher(LEAD_VEHICLE), me.bus.publisher(ROAD_USERS)
     simulated = SimulatedVehicle(
         scenario,
         scenario.build_road(),
@@ -35,10 +36,11 @@ def run(me: Process) -> None:
     button = StopButton(load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps)
     state = None
     publishes_lead = scenario.leads_by is LeadSensor.TRUTH
+    user_sensor = build_road_user_sensor(scenario.road_users_by, seed=me.options["seed"])
     me.ready()
     begun = False
     times = Timekeeper(me.bus, me.name, me.now_s)
-    ticker, lead_ticker = Ticker(1 / settings.period_s), Ticker(LEAD_VEHICLE.rate_hz)
+    ticker, sensor_ticker = Ticker(1 / settings.period_s), Ticker(LEAD_VEHICLE.rate_hz)
     while me.running():
         ticker.sleep()
         ticker.due()
@@ -57,9 +59,11 @@ def run(me: Process) -> None:
             state, truth = simulated.wait(now_s=began_s)
         send_state(state)
         send_truth(truth)
-        lead = simulated.sense_lead() if publishes_lead else None
-        if lead is not None and lead_ticker.due():
-            send_lead(lead)
+        if sensor_ticker.due():
+            if publishes_lead and (lead := simulated.sense_lead()) is not None:
+                send_lead(lead)
+            if user_sensor is not None and (users := user_sensor.step(simulated)) is not None:
+                send_users(users)
         if button.held:
             me.stepped(Health.WARN, STOPPED)
         else:

@@ -28,6 +28,7 @@ from sim_harness.judging.trace import Recorder, Trace
 from sim_harness.lockstep.camera import Shot, SimulatedCamera
 from sim_harness.lockstep.lead_model import LeadModel, build_lead_model
 from sim_harness.lockstep.oracle import Oracle, clear_view
+from sim_harness.lockstep.road_user_sensor import RoadUserSensor, build_road_user_sensor
 from sim_harness.lockstep.stack import Perception, Stack
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
 from sim_harness.scenarios.events import with_events
@@ -66,6 +67,7 @@ class Parts:
     controller: Controller
     oracles: Mapping[str, Oracle] = field(default_factory=dict)  # instead of estimators, for sight: truth
     lead: LeadFinder | LeadModel | None = None  # None: the exact distance of the vehicle ahead
+    road_user_sensor: RoadUserSensor | None = None  # None: the camera's detector, where it finds people
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,6 +162,7 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
         controller=controller.controller.build(),
         oracles={name: Oracle(name, road, vehicle) for name in scenario.estimators if not renderer},
         lead=_lead_sensor(scenario, seed=seed),
+        road_user_sensor=build_road_user_sensor(scenario.road_users_by, seed=seed),
     )
 
 
@@ -200,6 +203,8 @@ def check_configuration(scenarios: Iterable[Scenario]) -> None:
         perception.lead.finder.build()
     if LeadSensor.MODELLED in sensors:
         build_lead_model(seed=0)
+    for user_sensor in {scenario.road_users_by for scenario in scenarios}:
+        build_road_user_sensor(user_sensor, seed=0)
     if any(scenario.disturbances for scenario in scenarios):
         load_table()
 
@@ -280,6 +285,7 @@ class ClosedLoop:
             {name: self._falsified(name, estimate, now_s) for name, estimate in estimates.items()},
             parts.statistician.step(frame, now_s=now_s) if frame else clear_view(shot.truth.t_s, shot.sight),
             self._find_lead(frame, state, now_s) if "lead" not in lost else None,
+            parts.road_user_sensor.step(parts.vehicle) if parts.road_user_sensor else None,
         )
 
     def _find_lead(self, frame: Frame | None, state: VehicleState, now_s: float) -> LeadVehicle | None:

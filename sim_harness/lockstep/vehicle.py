@@ -13,9 +13,9 @@ import numpy as np
 from controller.limiter import Limiter
 from sim_harness.lockstep.contact import Box, separation_m
 from sim_harness.lockstep.referee import Place, Referee, locate
-from sim_harness.lockstep.road_users import RoadUsersAround
+from sim_harness.lockstep.road_users import RoadUsersAround, Walker
 from sim_harness.lockstep.run_up import driven, rail
-from sim_harness.lockstep.traffic import Traffic
+from sim_harness.lockstep.traffic import Actor, Traffic
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.state import PlantState
@@ -23,7 +23,7 @@ from sim_harness.world.roads.road import Road
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.messages import Command, LeadVehicle, SimTruth, VehicleState
-from trepid.types import NonNegative, Positive
+from trepid.types import NonNegative, Positive, Share
 
 _TICK_SLACK = 1e-6  # of a period, so that rounding of now_s does not lose a tick
 
@@ -40,6 +40,8 @@ class SimulatorSettings(Settings):
     max_offset_m: Positive
     run_up_s: Positive
     lead_range_m: Positive
+    road_user_range_m: Positive
+    road_user_seen_share: Share
 
 
 def load_simulator() -> SimulatorSettings:
@@ -127,7 +129,17 @@ class SimulatedVehicle:
     def sense_lead(self) -> LeadVehicle | None:
         """The vehicle ahead as an exact range sensor measures it, see :meth:`Traffic.measured_lead`."""
         nose_m, range_m = self._place.station_m + self._nose_m, self._settings.lead_range_m
-        return self._traffic.measured_lead(self._box, nose_m=nose_m, range_m=range_m, t_s=self._now_s)
+        return self._traffic.measured_lead(self.box, nose_m=nose_m, range_m=range_m, t_s=self.now_s)
+
+    @property
+    def others(self) -> list[Actor]:
+        """The other vehicles."""
+        return self._traffic.actors
+
+    @property
+    def road_users(self) -> list[Walker]:
+        """The people, cyclists and animals."""
+        return self._users.walkers
 
     @property
     def _elapsed_s(self) -> float:
@@ -135,7 +147,8 @@ class SimulatedVehicle:
         return self._ticks * self._period_s
 
     @property
-    def _now_s(self) -> float:
+    def now_s(self) -> float:
+        """Time of the newest state."""
         return (self._origin_s or 0.0) + self._elapsed_s
 
     def _advance(self, applied: Command) -> None:
@@ -159,17 +172,18 @@ class SimulatedVehicle:
         """Count contacts; a vehicle ahead in contact limits the speed to its own, a person or animal does not."""
         boxes = [actor.box for actor in self._traffic.actors]
         everyone = [*boxes, *(walker.box for walker in self._users.walkers)]
-        separations_m = [separation_m(self._box, box) for box in everyone]
+        separations_m = [separation_m(self.box, box) for box in everyone]
         self._referee.judge_contacts(separations_m)
         for actor, box, separation in zip(self._traffic.actors, boxes, separations_m, strict=False):
-            middle_m = self._box.seen(*box.at((box.rear_m + box.front_m) / 2))[0]
+            middle_m = self.box.seen(*box.at((box.rear_m + box.front_m) / 2))[0]
             if separation <= 0.0 and middle_m > self._vehicle.wheelbase_m / 2:
                 along_mps = actor.speed_mps * math.cos(box.yaw_rad - self._pose.yaw_rad)
                 speed_mps = min(self._pose.speed_mps, max(0.0, along_mps))
                 self._pose = replace(self._pose, speed_mps=speed_mps)
 
     @property
-    def _box(self) -> Box:
+    def box(self) -> Box:
+        """The outline of the car on the ground."""
         pose, vehicle = self._pose, self._vehicle
         return Box(pose.x_m, pose.y_m, pose.yaw_rad, -vehicle.rear_overhang_m, self._nose_m, vehicle.track_m)
 
@@ -212,7 +226,7 @@ class SimulatedVehicle:
         pose, settings = self._pose, self._settings
         speed, angle, rate = next(self._noise)
         return VehicleState(
-            t_s=self._now_s,
+            t_s=self.now_s,
             speed_mps=pose.speed_mps * (1.0 + settings.speed_noise_ratio * speed),
             road_wheel_angle_rad=pose.road_wheel_angle_rad + settings.road_wheel_angle_noise_rad * angle,
             yaw_rate_radps=self._plant.yaw_rate_radps(pose) + settings.yaw_rate_noise_radps * rate,
@@ -225,7 +239,7 @@ class SimulatedVehicle:
         lead = self._traffic.ahead(station_m + self._nose_m) if self._traffic.actors else None
         lead_x_m, lead_y_m, lead_yaw_rad = lead[0].pose if lead else (None, None, None)
         return SimTruth(
-            t_s=self._now_s,
+            t_s=self.now_s,
             x_m=pose.x_m,
             y_m=pose.y_m,
             yaw_rad=pose.yaw_rad,

@@ -5,6 +5,7 @@ gap or the end of the phase before. Road users do not react to the car, as the w
 """
 
 import math
+from enum import StrEnum
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -15,6 +16,14 @@ from trepid.types import NonNegative, Positive
 
 START_RATE_MPS2 = 1.0
 """A walker reaches 5 km/h within 1.0 m, a runner 8 km/h within 1.5 m (Euro NCAP AEB VRU): 1.0 and 1.6 m/s²."""
+
+
+class UserSensor(StrEnum):
+    """Source of the road users ahead."""
+
+    CAMERA = "camera"  # the detector, from rendered images
+    TRUTH = "truth"  # their exact places, where a line of sight reaches them
+    MODELLED = "modelled"  # likewise, with the errors of a detector, see config/road_user_model.yaml
 
 
 class UserTrigger(Settings):

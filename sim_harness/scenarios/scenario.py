@@ -19,7 +19,7 @@ from perception.estimators import ESTIMATORS, estimators, no_estimator
 from sim_harness.judging.conditions.expect import Expect
 from sim_harness.judging.conditions.meaning import parse_condition
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LostProcess
-from sim_harness.scenarios.road_users import RoadUser
+from sim_harness.scenarios.road_users import RoadUser, UserSensor
 from sim_harness.scenarios.traffic import TrafficVehicle
 from sim_harness.scenarios.vary import Variation, check_vary
 from sim_harness.world.plants.build import build_plant
@@ -162,6 +162,7 @@ class Scenario(Settings):
     )  # name of an estimator -> file of its driving network
     sight: Sight = Sight.CAMERA
     lead_sensor: LeadSensor | None = None  # default: camera with sight: camera, else truth
+    road_user_sensor: UserSensor | None = None  # likewise
     rules: str | None = None  # a rule file in the folder of the scenario; default: config/fear.yaml
     speed_mps: Positive | None = None  # set speed; default: cruise_speed_mps of supervisor.yaml
     plant: PlantSettings = PlantSettings()  # deviations from config/vehicle.yaml
@@ -185,8 +186,9 @@ class Scenario(Settings):
 
     @model_validator(mode="after")
     def _images_for_the_detector(self) -> Self:
-        if self.lead_sensor is LeadSensor.CAMERA and self.sight is Sight.TRUTH:
-            raise ValueError("lead_sensor: camera needs images; with sight: truth there are none")
+        for name in ("lead_sensor", "road_user_sensor"):
+            if self.sight is Sight.TRUTH and getattr(self, name) == "camera":
+                raise ValueError(f"{name}: camera needs images; with sight: truth there are none")
         return self
 
     @property
@@ -194,6 +196,12 @@ class Scenario(Settings):
         """The source of the vehicle ahead, with the default resolved."""
         default = LeadSensor.CAMERA if self.sight is Sight.CAMERA else LeadSensor.TRUTH
         return self.lead_sensor or default
+
+    @property
+    def road_users_by(self) -> UserSensor:
+        """The source of the road users, with the default resolved."""
+        default = UserSensor.CAMERA if self.sight is Sight.CAMERA else UserSensor.TRUTH
+        return self.road_user_sensor or default
 
     def build_road(self) -> Road:
         """The road with the changes of this scenario. Raises InputError."""
