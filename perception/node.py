@@ -1,4 +1,4 @@
-"""Perception process: one estimator (and, for one of them, the image statistics) on every new camera frame."""
+"""Perception process: one estimator (and, for one of them, the judge of the image) on every new camera frame."""
 
 import math
 import time
@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import build
+from perception.sight.judge import build as build_judge
 from trepid.messages import SteeringEstimate
 from trepid.processes.journal import Journal
 from trepid.processes.process import Process
@@ -33,8 +33,8 @@ class EstimatorNode:
         self._send_estimate = me.bus.publisher(estimate_topic(name))
         self._send_statistics = me.bus.publisher(IMAGE_STATISTICS)
         self._estimator = build(name, network=me.options.get("network"))
-        self._statistician = ImageStatistician() if me.options["statistics"] else None
-        outputs = (estimate_topic(name), *((IMAGE_STATISTICS,) if self._statistician else ()))
+        self._judge = build_judge() if me.options["statistics"] else None
+        outputs = (estimate_topic(name), *((IMAGE_STATISTICS,) if self._judge else ()))
         self._journal = Journal(me, *outputs, reads=(self._frames, self._state))
         self._times = Timekeeper(me.bus, name, me.now_s)
         self._last: SteeringEstimate | None = None
@@ -52,8 +52,8 @@ class EstimatorNode:
             me.alive()
             return
         began_s = me.now_s()
-        if self._statistician is not None:  # before the estimate, which makes the supervisor decide
-            self._send_statistics(self._statistician.step(frame, now_s=began_s))
+        if self._judge is not None:  # before the estimate, which makes the supervisor decide
+            self._send_statistics(self._judge.step(frame, self._last, now_s=began_s))
         started_s = time.perf_counter()
         estimate = self._estimator.step(frame, self._state.refresh(), now_s=began_s)
         latency_ms = 1e3 * (time.perf_counter() - started_s)

@@ -37,7 +37,15 @@ CAR = "TREPID_CAR"
 WHOLE_FILES = frozenset({"fear.yaml"})
 """Files of a car that replace the default as a whole, like those in folders: rules are proved together."""
 REFERENCE_FILES = frozenset(
-    {"controller.yaml", "lead.yaml", "perception.yaml", "pipelines.yaml", "steer_net.yaml", "supervisor.yaml"}
+    {
+        "controller.yaml",
+        "lead.yaml",
+        "perception.yaml",
+        "pipelines.yaml",
+        "sight.yaml",
+        "steer_net.yaml",
+        "supervisor.yaml",
+    }
 )
 """Settings that hold in the reference world of :mod:`trepid.scale`; a car states them in its own metres."""
 

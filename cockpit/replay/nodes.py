@@ -92,7 +92,14 @@ def nodes_of(tape: Tape, setup: Setup) -> dict[str, Node]:
         for name in names
     ]
     found += [
-        Node(STATISTICS, IMAGE_STATISTICS, (CAMERA_IMAGE,), _statistician, 0),
+        Node(
+            STATISTICS,
+            IMAGE_STATISTICS,
+            (CAMERA_IMAGE, *lanes[:1]),
+            partial(_judge, names[:1]),
+            0,
+            frozenset(topic.key for topic in lanes[:1]),
+        ),
         Node(
             LEAD,
             LEAD_VEHICLE,
@@ -230,11 +237,18 @@ def _estimator(name: str, network: Path | None) -> Step:
     )
 
 
-def _statistician() -> Step:
-    from perception.camera.image_statistics import ImageStatistician
+def _judge(names: tuple[str, ...]) -> Step:
+    """``names``: of the estimator whose process judges the image; empty where no estimator was recorded."""
+    from perception.sight.judge import build
 
-    node = ImageStatistician()
-    return lambda inputs: node.step(inputs.read[CAMERA_IMAGE.key], now_s=inputs.now_s)
+    node = build()
+    keys = [estimate_topic(name).key for name in names]
+
+    def step(inputs: Inputs) -> Any:
+        lane = next((inputs.read[key] for key in keys), None)
+        return node.step(inputs.read[CAMERA_IMAGE.key], lane, now_s=inputs.now_s)
+
+    return step
 
 
 def _finder(names: tuple[str, ...]) -> Step:

@@ -72,6 +72,10 @@ def _reported(node: Node, tape: Tape) -> Schedule:
                 if reads[key] is None:
                     missing += 1
                     reads[key] = tape.track(key).newest(read_s)
+            own = (topic.key for topic in node.inputs if topic.key not in report.inputs)
+            for key in own:  # of the process itself, which no report names: its output of the turn before
+                if key in node.earlier:
+                    reads[key] = tape.track(key).newest(began_s, before=True)
             after = len(steps) + 1
             until_s = begun[after] if after < len(begun) else float("inf")
             found = bisect_left(outputs, began_s)

@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import ESTIMATORS, build
+from perception.sight.judge import build as build_judge
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
@@ -16,7 +16,7 @@ from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Frame, VehicleState
+from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Image
 
 SPEED_MPS = 8.0
@@ -26,20 +26,26 @@ UNMARKED = "unmarked"  # name of the section of the circuit without paint
 
 
 def bench_estimators() -> dict[str, Any]:
-    """Time per 320×240 frame of every estimator and the image statistics, one thread, and of the plain chain.
+    """Time per 320×240 frame of every estimator and of the judge of the image, one thread, and of the plain chain.
 
     The frames of the unmarked section of the lap have a row of their own, too.
     """
     cv2.setNumThreads(1)
     estimators = {name: build(name) for name in ESTIMATORS}
-    statistician = ImageStatistician()
+    judge = build_judge()
+    lane: SteeringEstimate | None = None  # of the frame before, by the first estimator
     times_s: dict[str, list[float]] = {}
     for frame, state, part, _ in lap():
+        time_s = timed(judge.step, frame, lane, now_s=frame.t_s)
+        times_s.setdefault("image_statistics", []).append(time_s)
+        lanes: list[SteeringEstimate] = []
         for name, estimator in estimators.items():
-            time_s = timed(estimator.step, frame, state, now_s=frame.t_s)
+            started_s = time.perf_counter()
+            lanes.append(estimator.step(frame, state, now_s=frame.t_s))
+            time_s = time.perf_counter() - started_s
             for row in (name, f"{name}, {part}") if part == UNMARKED else (name,):
                 times_s.setdefault(row, []).append(time_s)
-        times_s.setdefault("image_statistics", []).append(timed(statistician.step, frame, now_s=frame.t_s))
+        lane = lanes[0]
         times_s.setdefault("bare_canny_chain", []).append(timed(bare_canny_chain, frame.image))
     peer_s = float(np.median(times_s["bare_canny_chain"]))
     return {

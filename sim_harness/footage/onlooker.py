@@ -18,11 +18,11 @@ import cv2
 import numpy as np
 
 import supervisor.supervisor
-from perception.camera.image_statistics import ImageStatistician
 from perception.camera.odometry import Odometry
 from perception.estimators import ESTIMATORS, build_beside
 from perception.images.outline import outlined
 from perception.lead.finder import LeadFinder
+from perception.sight.judge import build as build_judge
 from sim_harness.footage.clip import undistorted
 from sim_harness.footage.resimulation import LATENCY_S, RUN_UP_S
 from sim_harness.footage.visual_yaw import yaw_changes_rad
@@ -76,14 +76,16 @@ class Onlooker:
         """
         self._camera, self._vehicle, self._state_of = camera, vehicle, state_of
         self._estimators = build_beside(names, camera, vehicle, assumed=assumed, odometry=state_of.odometry)
-        self._finder, self._statistician = finder, ImageStatistician()
+        self._finder, self._judge = finder, build_judge(camera, vehicle)
+        self._lane: SteeringEstimate | None = None  # of the frame before, by the first estimator
         self._supervisor = supervisor.supervisor.build(cruise_speed_mps=cruise_speed_mps)
 
     def step(self, frame: Frame) -> Onlooked:
         """The estimates of ``frame`` and the decision after them. Estimates without boundaries are outlined."""
         state, t_s = self._state_of(frame), frame.t_s
+        statistics = self._judge.step(frame, self._lane, now_s=t_s)
         found = {name: one.step(frame, state, now_s=t_s) for name, one in self._estimators.items()}
-        statistics = self._statistician.step(frame, now_s=t_s)
+        self._lane = next(iter(found.values()), None)
         lead = self._finder.step(frame, state, found.values(), now_s=t_s) if self._finder else None
         decision = self._supervisor.step(found, statistics, lead, state, now_s=t_s + LATENCY_S)
         shown = {name: outlined(one, self._camera, self._vehicle) for name, one in found.items()}

@@ -21,9 +21,9 @@ from scipy.integrate import cumulative_trapezoid
 import controller.controller
 import controller.limiter
 import supervisor.supervisor
-from perception.camera.image_statistics import ImageStatistician
 from perception.camera.odometry import Odometry
 from perception.estimators import Estimator, build_beside
+from perception.sight.judge import build as build_judge
 from sim_harness.footage.clip import Drive
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.lockstep.stack import Perception, Stack
@@ -147,7 +147,7 @@ class _Loop:
         self._yaws_rad = cumulative_trapezoid(self._yaw_rates_radps, drive.t_s, initial=0.0)
         self._reprojection = Reprojection(drive.camera)
         self._estimators = estimators
-        self._statistician = ImageStatistician()
+        self._judge = build_judge(drive.camera, vehicle)
         self._stack = Stack(
             supervisor.supervisor.build(cruise_speed_mps=float(drive.speed_mps.max())),
             controller.controller.build(vehicle),
@@ -175,7 +175,8 @@ class _Loop:
                 estimates = {
                     name: one.step(frame, state, now_s=now_s) for name, one in self._estimators.items()
                 }
-                statistics = self._statistician.step(frame, now_s=now_s)
+                lane = next(iter(stack.estimates.values()), None)  # of the frame before
+                statistics = self._judge.step(frame, lane, now_s=now_s)
                 stack.send(Perception(now_s + LATENCY_S, estimates, statistics, None))
                 if not driven:
                     surest = max(estimates.values(), key=lambda estimate: estimate.confidence)

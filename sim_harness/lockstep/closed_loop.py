@@ -17,11 +17,12 @@ import controller.controller
 import controller.limiter
 import perception.estimators
 import perception.lead.finder
+import perception.sight.judge
 import supervisor.supervisor
 from controller.controller import Controller
-from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import Estimator
 from perception.lead.finder import LeadFinder
+from perception.sight.judge import ImageJudge
 from sim_harness.judging.conditions.expect import judge
 from sim_harness.judging.metrics import Metrics, measure, measure_further
 from sim_harness.judging.trace import Recorder, Trace
@@ -62,7 +63,7 @@ class Parts:
     vehicle: SimulatedVehicle
     camera: SimulatedCamera
     estimators: Mapping[str, Estimator]
-    statistician: ImageStatistician
+    judge: ImageJudge
     supervisor: Supervisor
     controller: Controller
     oracles: Mapping[str, Oracle] = field(default_factory=dict)  # instead of estimators, for sight: truth
@@ -155,7 +156,7 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
             scenario, renderer, SightTruth(road, camera, scenario.disturbances, seed=seed)
         ),
         estimators={name: _estimator(scenario, name) for name in scenario.estimators if renderer},
-        statistician=ImageStatistician(),
+        judge=perception.sight.judge.build(camera, vehicle),
         supervisor=supervisor.supervisor.build(
             rules=scenario.rules_file, cruise_speed_mps=scenario.speed_mps
         ),
@@ -283,10 +284,15 @@ class ClosedLoop:
         return Perception(
             now_s + self._scenario.camera.latency_s,
             {name: self._falsified(name, estimate, now_s) for name, estimate in estimates.items()},
-            parts.statistician.step(frame, now_s=now_s) if frame else clear_view(shot.truth.t_s, shot.sight),
+            self._judge(frame, now_s) if frame else clear_view(shot.truth.t_s, shot.sight),
             self._find_lead(frame, state, now_s) if "lead" not in lost else None,
             parts.road_user_sensor.step(parts.vehicle) if parts.road_user_sensor else None,
         )
+
+    def _judge(self, frame: Frame, now_s: float) -> ImageStatistics:
+        """The judged image; the lane is the newest one of the first estimator, whose process judges the image."""
+        lane = next(iter(self._stack.estimates.values()), None)
+        return self._parts.judge.step(frame, lane, now_s=now_s)
 
     def _find_lead(self, frame: Frame | None, state: VehicleState, now_s: float) -> LeadVehicle | None:
         """The vehicle ahead; the detector uses the lanes of earlier frames, as a process of its own does."""

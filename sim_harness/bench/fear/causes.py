@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 import perception.estimators
-from perception.camera.image_statistics import ImageStatistician
+from perception.sight.judge import build as build_judge
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
@@ -180,7 +180,7 @@ class Watcher:
         self._settings = settings.analyser
         self._observer = WorldStateObserver(settings.validation, settings.fusion, settings.follow, vehicle)
         self._estimators = {name: perception.estimators.build(name) for name in ESTIMATORS}
-        self._statistician = ImageStatistician()
+        self._judge = build_judge()
         self._seen: dict[str, SteeringEstimate | None] = dict.fromkeys(ESTIMATORS)
         self._statistics: ImageStatistics | None = None
         self.spent_us: list[float] = []  # for the analysis alone ...
@@ -216,7 +216,7 @@ class Watcher:
     def _look(self, moment: Moment, state: VehicleState, t_s: float) -> None:
         frame = Frame(t_s=t_s, image=moment.image)
         started_s = time.thread_time()
-        self._statistics = self._statistician.step(frame, now_s=t_s)
+        self._statistics = self._judge.step(frame, self._seen[ESTIMATORS[0]], now_s=t_s)
         self.looked_us.append(1e6 * (time.thread_time() - started_s))
         for name, estimator in self._estimators.items():
             if name == moment.silent:

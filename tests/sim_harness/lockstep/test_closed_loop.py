@@ -9,9 +9,9 @@ import pytest
 
 import controller.controller
 import controller.limiter
+import perception.sight.judge
 import sim_harness.lockstep.vehicle
 import supervisor.supervisor
-from perception.camera.image_statistics import ImageStatistician
 from sim_harness.judging.metrics import FurtherMetrics
 from sim_harness.lockstep.camera import SimulatedCamera
 from sim_harness.lockstep.closed_loop import Parts, build_parts, run
@@ -85,7 +85,7 @@ def parts_with_seers(scenario, seed=0, settings=None):
         vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, settings or load_simulator(), seed=seed),
         camera=camera,
         estimators={name: Seer(name, camera) for name in scenario.estimators},
-        statistician=ImageStatistician(),
+        judge=perception.sight.judge.build(),
         supervisor=supervisor.supervisor.build(),
         controller=controller.controller.build(),
     )

@@ -1,0 +1,1 @@
+"""How far the camera sees along the lane, and what ends its sight."""

@@ -1,0 +1,185 @@
+"""The sight distance of every frame: the nearest end of the sight, fused over time.
+
+A frame gives a distance with its deviation and what ends it: the air (:mod:`.air`), darkness (:mod:`.dark`) or
+the side of the image, beyond which nothing of the lane is seen. Over time a distance that is shorter by more
+than chance counts at once; other changes follow with a time constant, and growth is limited.
+"""
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.grey import small_grey
+from perception.sight.air import AirFit
+from perception.sight.dark import Lighting, dark_m, lighting, noise_grey
+from perception.sight.path import Path, path_of
+from perception.sight.settings import SightSettings
+from perception.sight.strip import Ground, GroundStrip, light_of
+from trepid.car.camera import Camera
+from trepid.causes import Cause
+from trepid.messages import Frame, SteeringEstimate
+from trepid.types import Array, Floats, Image
+
+MIN_SIZE_PX = 32
+SURE = 0.5  # confidence of a lane that says where the road goes on
+CHANCE = 2.0  # standard deviations by which a shorter sight is no chance
+
+
+class Sight(NamedTuple):
+    """A distance from the rear axle along the lane, its standard deviation, and the cause of its end."""
+
+    distance_m: float
+    sigma_m: float
+    cause: str  # of trepid.causes; "": nothing within reach ends it
+
+
+class _Eye(NamedTuple):
+    """Tables for images of one size."""
+
+    camera: Camera
+    matrix: Array  # pixel from road
+    strip: GroundStrip
+    air: AirFit
+    maps: tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None  # without lens distortion
+
+
+class SightObserver:
+    """Sight distances with one camera, in the reference world (:mod:`trepid.scale`)."""
+
+    def __init__(self, settings: SightSettings, camera: Camera) -> None:
+        self._settings, self._camera = settings, camera
+        self._eyes: dict[tuple[int, ...], _Eye | None] = {}
+        self._memory = _Memory(settings)
+
+    def step(self, frame: Frame, estimate: SteeringEstimate | None) -> Sight | None:
+        """The sight in ``frame``; None where the image does not say.
+
+        ``estimate``: the lane, of this frame or of the one before; without one the ground straight ahead counts.
+        """
+        return self._memory.step(self._seen(frame.image, estimate), frame.t_s)
+
+    def _seen(self, image: NDArray[np.uint8], estimate: SteeringEstimate | None) -> Sight | None:
+        if image.dtype != np.uint8 or image.ndim not in (2, 3) or min(image.shape[:2]) < MIN_SIZE_PX:
+            return None
+        grey = small_grey(image)
+        eye = self._eye_for(grey)
+        if eye is None:
+            return None
+        if eye.maps is not None:
+            grey = np.asarray(cv2.remap(grey, *eye.maps, cv2.INTER_LINEAR), np.uint8)
+        settings = self._settings
+        path = path_of(estimate, eye.matrix, reach_m=settings.reach_m, known_m=settings.strip.path_known_m)
+        ground = eye.strip.look(grey, path)
+        light = light_of(grey[: eye.strip.first_row])
+        sure = estimate is not None and estimate.confidence >= SURE
+        ends = self._ends(eye, grey, light, ground, path, sure=sure)
+        return min(ends, key=lambda end: end.distance_m) if ends else None
+
+    def _ends(
+        self, eye: _Eye, grey: Image, light: Floats, ground: Ground, path: Path, *, sure: bool
+    ) -> list[Sight]:
+        """What ends the sight, and where; empty where nothing is known."""
+        settings, camera = self._settings, eye.camera
+        sample = np.sort(grey[::4, ::4], axis=None)
+        low, high = int(sample[len(sample) // 50]), int(sample[-len(sample) // 50])
+        if not ground.seen.any() or high - low < settings.least_range_grey:
+            return self._black(grey, eye) if high < settings.least_range_grey else []
+        ends = [Sight(settings.reach_m, settings.reach_m * settings.reach_sigma, "")]
+        sky = eye.air.sky(light, path)
+        air = eye.air.range_of(light, sky, ground, path)
+        if air is None:
+            return []
+        if air.range_m + camera.x_m < settings.reach_m:
+            distance_m = air.range_m + camera.x_m
+            ends.append(Sight(distance_m, distance_m * air.sigma, Cause.FOG))
+        lost_m = self._dark_m(eye, grey, ground, lighting(ground, sky))
+        if lost_m + camera.x_m < settings.reach_m:
+            distance_m = lost_m + camera.x_m
+            ends.append(Sight(distance_m, distance_m * settings.dark.model_sigma, Cause.DARK))
+        beside_m = math.inf if not sure else _beside_m(camera, path, settings.strip.near_m)
+        if beside_m < settings.reach_m:
+            ends.append(Sight(beside_m, beside_m * settings.reach_sigma, ""))
+        return ends
+
+    def _dark_m(self, eye: _Eye, grey: Image, ground: Ground, light: Lighting) -> float:
+        """Distance from the lens [m] at which darkness ends the sight; infinite by day."""
+        if light is Lighting.DAY:
+            return math.inf
+        settings = self._settings.dark
+        noise = noise_grey(grey[eye.strip.first_row :], least=settings.least_noise_grey)
+        by_lamps = light is Lighting.LAMPS
+        return dark_m(ground, eye.strip.middle_m, noise, eye.camera, settings, by_lamps=by_lamps)
+
+    def _black(self, grey: Image, eye: _Eye) -> list[Sight]:
+        near_m = self._settings.strip.near_m + eye.camera.x_m
+        return [Sight(near_m, near_m * self._settings.dark.model_sigma, Cause.DARK)]
+
+    def _eye_for(self, grey: Image) -> _Eye | None:
+        """The tables for images like ``grey``; None where they are not of this camera, or show no ground."""
+        size = grey.shape[:2]
+        if size not in self._eyes:
+            self._eyes[size] = self._made_for(*size)
+        return self._eyes[size]
+
+    def _made_for(self, height_px: int, width_px: int) -> _Eye | None:
+        camera = self._camera
+        if height_px != max(1, round(camera.height_px * width_px / camera.width_px)):
+            return None
+        camera = camera.resized(width_px, height_px)
+        strip = GroundStrip(camera, self._settings.strip)
+        if not strip.is_usable:
+            return None
+        settings = self._settings
+        air = AirFit(camera, strip.distance_m, settings.air, reach_m=settings.reach_m)
+        return _Eye(camera, camera.pixel_from_road_matrix, strip, air, _undistortion(camera))
+
+
+class _Memory:
+    """The logarithm of the distance over time.
+
+    Its errors are those of the road and of the air in view, which neighbouring frames share: the mean over frames
+    takes out the noise, but the standard deviation stays that of a frame.
+    """
+
+    def __init__(self, settings: SightSettings) -> None:
+        self._settings = settings
+        self._log_m = self._sigma = math.nan
+        self._t_s = -math.inf
+
+    def step(self, seen: Sight | None, t_s: float) -> Sight | None:
+        """The sight after that of a frame captured at ``t_s``; None without one in this frame."""
+        if seen is None:
+            return None
+        settings, dt_s = self._settings, t_s - self._t_s
+        log_m, sigma = math.log(seen.distance_m), seen.sigma_m / seen.distance_m
+        stale = not 0.0 <= dt_s <= settings.hold_s
+        if stale or log_m < self._log_m - CHANCE * sigma:
+            self._log_m, self._sigma = log_m, sigma
+        else:
+            gain = 1.0 - math.exp(-dt_s / settings.memory_s)
+            self._log_m += min(gain * (log_m - self._log_m), settings.growth_1ps * dt_s)
+            self._sigma += gain * (sigma - self._sigma)
+        self._t_s = t_s
+        distance_m = min(math.exp(self._log_m), settings.reach_m)
+        return Sight(distance_m, distance_m * self._sigma, seen.cause)
+
+
+def _beside_m(camera: Camera, path: Path, near_m: float) -> float:
+    """Way [m] along the lane, beyond ``near_m``, at which it leaves the image at its side; infinite: nowhere."""
+    column = path.column_px
+    ahead = path.x_m > camera.x_m + near_m
+    out = ahead & ~((column >= -0.5) & (column <= camera.width_px - 0.5))
+    turned_back = np.append(False, np.diff(path.x_m) < 0)
+    lost = np.flatnonzero(out | turned_back)
+    return float(path.way_m[lost[0]]) if len(lost) else math.inf
+
+
+def _undistortion(camera: Camera) -> tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None:
+    if not any(camera.distortion):
+        return None
+    size = (camera.width_px, camera.height_px)
+    intrinsics, distortion = camera.intrinsics, np.array(camera.distortion)
+    return cv2.initUndistortRectifyMap(intrinsics, distortion, np.eye(3), intrinsics, size, cv2.CV_16SC2)

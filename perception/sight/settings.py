@@ -1,0 +1,64 @@
+"""Settings of the sight distance: ``config/sight.yaml``."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from trepid.config import Settings
+from trepid.types import NonNegative, OpenShare, Positive, Share
+
+
+class StripSettings(Settings):
+    """Section ``strip``: the ground whose light is compared over distance (:mod:`.strip`)."""
+
+    near_m: Positive
+    far_m: Positive
+    half_width_m: Positive
+    cell_m: Positive
+    band_ratio: Annotated[float, Field(gt=1)]
+    horizon_margin_px: NonNegative
+    path_known_m: Positive
+
+
+class AirSettings(Settings):
+    """Section ``air``: the fit of Koschmieder's law (:mod:`.air`)."""
+
+    least_m: Positive
+    most_m: Positive
+    steps: Annotated[int, Field(ge=8, le=200)]
+    unevenness: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=8)]
+    noise: OpenShare
+    independent: Positive
+    reflectance: Share
+    reflectance_sigma: Positive
+    sky_up_rad: Positive
+    sky_side_rad: Positive
+    model_sigma: Positive
+    corridor_half_m: Positive
+    corridor_up_m: Positive
+    corridor_m: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=16)]
+    corridor_sigma: Positive
+
+
+class DarkSettings(Settings):
+    """Section ``dark``: the contrast of a target over the noise (:mod:`.dark`)."""
+
+    noise_multiple: Positive
+    target_side_m: Positive
+    target_ratio: Annotated[float, Field(gt=1)]
+    least_noise_grey: Positive
+    model_sigma: Positive
+
+
+class SightSettings(Settings):
+    """``config/sight.yaml``."""
+
+    reach_m: Positive
+    reach_sigma: Positive
+    least_range_grey: Positive
+    growth_1ps: Positive
+    memory_s: Positive
+    hold_s: Positive
+    strip: StripSettings
+    air: AirSettings
+    dark: DarkSettings
