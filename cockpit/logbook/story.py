@@ -91,7 +91,7 @@ def _moment(drive: Recall, index: int) -> Story:
     decision = drive.decisions[index]
     return {
         "moment_s": _at(drive, index),
-        **_fields(decision, "mode", "stop", "fear", "level", "cause", "speed_cap_mps"),
+        **_fields(decision, "mode", "stop", "fear", "level", "cause", "speed_cap_mps", "waits_for"),
         "limited_by": _limit(drive, decision),
         "rules": _rules(drive, decision),
         "inputs": _inputs(drive, decision),

@@ -42,7 +42,7 @@ class View:
         ``drive``: another text for every drive; ``no_keep``: why the last minutes cannot be kept.
         """
         self._feed, self._camera, self._vehicle, self._holder = feed, camera, vehicle, holder
-        self._of_drive = {"what": what, "drive": drive, "no_keep": no_keep}
+        self._of_drive = {"what": what, "drive": drive, "no_keep": no_keep, "holding": STOPPED}
         self.timelines = Timelines((*SERIES, *feed.estimates))
         self.track = Track(0.5 * vehicle.scale)
 
@@ -153,6 +153,7 @@ def _decision(decision: Decision) -> dict[str, Any]:
         "fear": decision.fear,
         "level": decision.level,
         "cause": decision.cause,
+        "waits": decision.waits_for,
         "part": decision.part,
         "rules": [[text, round(strength, 3)] for text, strength in fired][:RULES_SHOWN],
         "inputs": dict(zip(decision.inputs, decision.input_values, strict=False)),

@@ -13,7 +13,18 @@ if TYPE_CHECKING:
 
     from cockpit.status.attach import State
 
-COLUMNS = ("name", "pid", "alive", "rate_hz", "age_s", "cpu_percent", "restarts", "message")
+COLUMNS = {
+    "name": "name",
+    "pid": "pid",
+    "alive": "alive",
+    "rate_hz": "Hz",
+    "age_s": "age s",
+    "cpu_percent": "cpu %",
+    "restarts": "restarts",
+    "message": "message",
+}
+"""Field of a process -> heading: short ones, so that 80 columns leave room for the message."""
+MESSAGE_WIDTH = 20  # at least; a longer message is wrapped
 
 
 def status(
@@ -44,7 +55,8 @@ def status(
     else:
         from rich.console import Console
 
-        Console().print(table(found, f"{drive.what} at {drive.endpoint}: {report.message}"))
+        print(f"{drive.what} at {drive.endpoint}: {report.message}")
+        Console().print(table(found))
         if drive.page:
             print(f"live page: {drive.page}")
     for state in culprits:
@@ -53,14 +65,17 @@ def status(
     return 1 if culprits else 0
 
 
-def table(found: "list[State]", title: str) -> "Table":
+def table(found: "list[State]") -> "Table":
     """The processes as a table."""
     from rich.table import Table
     from rich.text import Text
 
-    made = Table(title=Text(title), title_justify="left", box=None, pad_edge=False)
-    for name in COLUMNS:
-        made.add_column(name, justify="left" if name in ("name", "message") else "right")
+    made = Table(box=None, pad_edge=False)
+    for name, heading in COLUMNS.items():
+        if name == "message":
+            made.add_column(heading, min_width=MESSAGE_WIDTH)
+        else:
+            made.add_column(heading, justify="left" if name == "name" else "right", no_wrap=True)
     for state in found:
         cells = ["-" if state.row[name] is None else str(state.row[name]) for name in COLUMNS]
         made.add_row(*map(Text, cells), style="red" if state.problem else None)

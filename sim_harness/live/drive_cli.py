@@ -230,7 +230,7 @@ def status(log: "DriveLog", fleet: "Fleet", *, elapsed_s: float) -> "Group":
 
 
 def driving_line(log: "DriveLog", *, elapsed_s: float) -> "Text":
-    """One line: time, place, speed, lateral error, mode, fear and its cause."""
+    """One line: time, place, speed, lateral error, mode, fear and its cause, and what a standing car waits for."""
     from rich.text import Text
 
     text = Text(f"t {elapsed_s:6.1f} s")
@@ -246,6 +246,8 @@ def driving_line(log: "DriveLog", *, elapsed_s: float) -> "Text":
         colour = FEAR_COLOURS.get(decision.level, "white")
         text.append(f"  {decision.mode}", style="bold")
         text.append(f"  fear {decision.fear:.2f} {decision.level} ({decision.cause})", style=colour)
+    if log.waits_for:
+        text.append(f"  {log.waits_for}", style="bold")
     return text
 
 
@@ -264,7 +266,16 @@ def summary(row: dict[str, Any]) -> "Table":
     for remark in row["notes"]:
         table.add_row("note", f"[yellow]{escape(remark)}[/]")
     for key, value in row.items():
-        if key in ("scenario", "seed", "status", "reasons", "notes", "processes", "latency_ms", "stages_ms"):
+        if value == "" or key in (
+            "scenario",
+            "seed",
+            "status",
+            "reasons",
+            "notes",
+            "processes",
+            "latency_ms",
+            "stages_ms",
+        ):
             continue
         table.add_row(key, _text(value))
     for name, load_ in row.get("processes", {}).items():

@@ -22,6 +22,7 @@ from trepid.topics import (
     Topic,
     estimate_topic,
 )
+from vehicle.driver.stop_button import STOPPED
 
 
 class DriveLog:
@@ -74,6 +75,13 @@ class DriveLog:
         ]
         for _, _, message in sorted(arrived, key=lambda entry: entry[:2]):
             self._add(message)
+
+    @property
+    def waits_for(self) -> str:
+        """Why the car stands and what would end that: the stop button, else the supervisor; "": it may drive."""
+        beats = self.diagnostics.values()
+        held = next((beat.message for beat in beats if beat.message.startswith(STOPPED)), "")
+        return held or (self.decision.waits_for if self.decision is not None else "")
 
     def _add(self, message: Any) -> None:
         match message:

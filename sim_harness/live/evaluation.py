@@ -49,9 +49,10 @@ def _judged(reasons: list[str], notes: list[str], scores: dict[str, Any]) -> dic
 
 
 def _processes(log: DriveLog, fleet: Fleet) -> dict[str, Any]:
-    """Final speed, processes and latencies."""
+    """Final speed, what the car waits for, processes and latencies."""
     return {
         "final_speed_mps": log.state.speed_mps if log.state else None,
+        "waits_for": log.waits_for,
         "processes": {
             name: {
                 "pid": child.popen.pid,

@@ -39,13 +39,14 @@ class Overview:
         """Keep the reason of the end of the process ``name``."""
         self._ends[name] = reason
 
-    def publish(self, health: Health, message: str) -> None:
-        """Publish when it is due, or when ``message`` has changed."""
+    def publish(self, health: Health, message: str, waits_for: str = "") -> None:
+        """Publish when it is due, or when ``message`` has changed. ``waits_for``, with its numbers, follows it."""
         self._notifier.alive()
         now_s = self._log.now_s()
         if message == self._published and now_s - self._sent_s < PERIOD_S:
             return
         self._published, self._sent_s = message, now_s
+        message = "; ".join(filter(None, (message, waits_for))) or "driving"
         self._notifier.status(message)
         values = [(f"{PROCESS}{name}", json.dumps(self._state(name, now_s))) for name in self._fleet.children]
         if self._began_s is not None:

@@ -86,7 +86,7 @@ class Referee:
     def watch(self, signals: list[str]) -> None:
         """Monitor until the end of the route or the duration, standstill after a loss, or a signal."""
         while not self._finished(signals):
-            self._receive("; ".join([*self._problems, *self._notes]) or "driving")
+            self._receive("; ".join([*self._problems, *self._notes]))
             self._simulate_losses()
             self._end_silent_processes()
             ends = [self._lose(exited) for exited in self._fleet.collect_exits()]
@@ -177,7 +177,8 @@ class Referee:
     def _receive(self, message: str) -> None:
         self._log.receive(timeout_s=LISTEN_S)
         self._losses.publish(self._log.diagnostics)
-        self._overview.publish(Health.ERROR if self._problems else Health.OK, message)
+        health = Health.ERROR if self._problems else Health.OK
+        self._overview.publish(health, message, self._log.waits_for)
         now_s = self._clock()
         if now_s - self._shown_s >= self._settings.status_period_s:
             self._shown_s = now_s

@@ -41,7 +41,7 @@ export class Panels {
     put("cap", number(decision?.cap, 1));
     put("driven", number(state.driven, 0));
     put("source", decision?.source ?? "none");
-    if (state.held || (state.stopping && !state.stop_undelivered)) this.mode("STOP", "STOP", state.held ? "stopped by the stop button" : "stop button pressed");
+    if (state.held || (state.stopping && !state.stop_undelivered)) this.mode("STOP", "STOP", state.held ? state.holding : "stop button pressed");
     else if (!decision) this.mode("NONE", "NO DATA", "no decision of the supervisor");
     else this.mode(decision.mode, decision.mode, reason(decision, state));
     this.fear(decision);
@@ -105,6 +105,7 @@ function cause(decision) {
 
 function reason(decision, state) {
   if (state.override) return "the driver has the car";
+  if (decision.waits) return words(decision.waits);
   const stop = decision.stop === "none" ? "" : `${decision.stop} stop, `;
   return stop + cause(decision);
 }

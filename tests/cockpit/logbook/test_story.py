@@ -120,6 +120,10 @@ def test_nothing_raises_the_highest_fear_and_a_missing_input_is_the_highest() ->
         assert next_level(RULES, RULES.evaluate(values).fear) is None
 
 
+def test_a_moment_at_which_the_car_stood_says_what_it_waited_for(drives: dict[str, Path]) -> None:
+    assert "The car said: starting: drives after " in story_text(story(recall(drives["straight"]), 0.5))
+
+
 def test_the_nearest_slow_downs_are_named_at_a_calm_moment(drives: dict[str, Path]) -> None:
     answer = story(recall(drives["lying_cv"]), -3.0)
     if answer["slowed_by"] is None:

@@ -24,6 +24,7 @@ from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording
 from trepid.topics import DECISION
 from trepid.wire import to_cdr
+from vehicle.driver.stop_button import STOPPED
 
 pytest.importorskip("selenium")
 pytestmark = pytest.mark.long
@@ -174,7 +175,7 @@ def test_a_number_of_an_estimator_that_is_not_finite_is_a_dash_and_the_rest_is_s
 
 def test_stop_is_one_press_and_driving_on_takes_two_at_standstill(seen):
     seen.click("stop")
-    assert seen.becomes("stop-word", "STOPPED") and seen.becomes("because", "stopped by the stop button")
+    assert seen.becomes("stop-word", "STOPPED") and seen.becomes("because", STOPPED)
     assert seen.publisher.button.held
     seen.click("release")
     time.sleep(0.3)

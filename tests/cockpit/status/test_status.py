@@ -1,5 +1,6 @@
 """`trepid status` reads the launcher's report of a running drive and names the culprit."""
 
+import io
 import json
 import os
 import shutil
@@ -10,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from cockpit.status.attach import PROCESS, states
+from cockpit.status.cli import table
 from trepid.bus import free_endpoint, open_bus
 from trepid.cli import app
 from trepid.clock import epoch_clock, epoch_offset_ns
@@ -175,3 +178,17 @@ def test_a_certificate_of_another_authority_hears_nothing(
             shutil.copy(tmp_path / "foreign" / f"observer.{suffix}", secured / "keys")
         with pytest.raises(InputError):
             CliRunner().invoke(app, ["status"], standalone_mode=False, catch_exceptions=False)
+
+
+def test_a_message_is_readable_in_80_columns() -> None:
+    words = "starting: waits for 2.0 s of fear of at most 0.62 (now 0.81: low_confidence)"
+    names = ("supervisor", "controller", "vehicle")
+    rows = [WELL | {"name": name, "pid": 1234567, "cpu_percent": 100.0, "message": words} for name in names]
+    console = Console(width=80, file=io.StringIO())
+    console.print(table(states(report(*rows))))
+    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    assert max(map(len, shown.splitlines())) <= 80
+    at = shown.index("message")
+    cells = [line[at:] for line in shown.splitlines()[1:]]
+    assert " ".join(" ".join(cells).split()) == " ".join([words] * len(names))
+    assert all(name in shown for name in names) and "100.0" in shown

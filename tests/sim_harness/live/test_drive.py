@@ -174,6 +174,16 @@ def test_a_process_that_the_scenario_loses_stops_the_car_and_is_no_failure_of_th
     assert (row["final_speed_mps"], row["processes"]["cv"]["restarts"]) == (0.0, 0)
 
 
+def test_a_drive_without_frames_names_them_in_its_status_line_and_in_its_summary() -> None:
+    blind = "faults=[{kind: lost_process, process: camera, from_s: 0}]"
+    drive = LiveDrive("--scenario", "straight", "--set", blind, "--set", "expect={}", "--duration", "6")
+    out, err = drive.popen.communicate(timeout=70)
+    begun = r"\w+ \w* ?for stale_data: final; restart the drive"  # the car had begun to move before
+    waits = rf"(starting: waits for frames of the camera \(none for [0-9.]+ s\)|{begun})"
+    assert re.fullmatch(waits, json.loads(out)["waits_for"])
+    assert re.search(rf"STOP  fear 1.00 very_high \(\w+\)  {waits}", err)
+
+
 def test_a_driver_hands_over_a_live_car_at_speed() -> None:
     returncode, row = LiveDrive("--scenario", "leader_brakes", "--duration", "4").result(patience_s=60)
     assert (returncode, row["reasons"]) == (0, [])

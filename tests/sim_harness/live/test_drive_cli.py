@@ -14,7 +14,7 @@ REPORTED = f"process supervisor: warn: {KEPT}"
 
 
 def test_without_a_terminal_each_new_warning_of_a_process_is_one_line(capsys):
-    log = SimpleNamespace(waiting="", truth=None, state=None, decision=None, diagnostics={})
+    log = SimpleNamespace(waiting="", truth=None, state=None, decision=None, waits_for="", diagnostics={})
     beats = [
         (Health.OK, "ready"),
         (Health.WARN, KEPT),
@@ -49,11 +49,18 @@ def test_the_words_of_a_process_are_text_and_no_markup(capsys):
         t_s=0.0, process="camera", health=Health.WARN, message=words, values=(("rate_hz", "[/]"),)
     )
     log = SimpleNamespace(
-        waiting="", truth=None, state=None, decision=None, diagnostics={"camera": beat}, now_s=lambda: 1.0
+        waiting="",
+        truth=None,
+        state=None,
+        decision=None,
+        waits_for="the car says why it stands",
+        diagnostics={"camera": beat},
+        now_s=lambda: 1.0,
     )
     child = SimpleNamespace(popen=SimpleNamespace(pid=7), restarts=0, alive=True)
     row = {"scenario": None, "seed": 0, "status": "failed", "reasons": [words], "notes": [words]}
     console = Console(width=120)
     console.print(status(log, SimpleNamespace(children={"camera": child}), elapsed_s=1.0))
     console.print(summary(row))
-    assert capsys.readouterr().out.count(words) == 3
+    printed = capsys.readouterr().out
+    assert printed.count(words) == 3 and printed.count(log.waits_for) == 1
