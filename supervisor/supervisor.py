@@ -18,6 +18,7 @@ from supervisor.modes.speed import SpeedFactor
 from supervisor.modes.waits import Bounds, Halt, View, obstacle, waits_for
 from supervisor.path.follow import FollowSettings
 from supervisor.path.fusion import FusionSettings, Path
+from supervisor.path.giving_way import GivingWaySettings
 from supervisor.path.hand_over import HandOver
 from supervisor.rules.inference import CALM, FearResult, FearRules
 from supervisor.rules.verify import load_verified
@@ -62,6 +63,7 @@ class SupervisorSettings(Settings):
     fusion: FusionSettings
     modes: ModeSettings
     follow: FollowSettings
+    giving_way: GivingWaySettings
 
     def problems(self, rules: FearRules) -> Iterator[tuple[FieldPath, str]]:
         """Path and error text of every name that ``rules`` do not know, or whose stop can never come.
@@ -120,6 +122,7 @@ class Supervisor:
             settings.validation,
             settings.fusion,
             settings.follow,
+            settings.giving_way,
             vehicle,
             rated_as=settings.rated_as,
             enlargement=enlargement,
@@ -131,6 +134,7 @@ class Supervisor:
         self._mode = ModeState.initial()
         self._speed = SpeedFactor(settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)
+        self._brakes_hard = False  # for a road user, without a stop of the mode
         self._held_back = False  # the car brakes until late messages are in time
         self._driver = False  # a driver acted at the last step
         self._has_driven = False
@@ -177,11 +181,7 @@ class Supervisor:
         road_users = enlarged("road_users", road_users)
         rules, driver = self._rules, state is not None and state.driver_override
         world = self._observer.step(
-            rules,
-            estimates,
-            statistics,
-            lead,
-            state,
+            *(rules, estimates, statistics, lead, state),
             now_s=now_s,
             malformed=malformed,
             road_users=road_users,
@@ -223,6 +223,7 @@ class Supervisor:
         self._held_back = Effect.HOLD_BACK in situation.effects
         if self._held_back:
             cause = cause_of_lateness(late, estimates) if late else Cause.FROZEN_CAMERA
+        self._brakes_hard = world.way.hard and not driver
         self._driver = driver
         self._has_driven = self._has_driven or self._mode.mode is not Mode.STOP
         factor = self._speed.step(
@@ -233,6 +234,8 @@ class Supervisor:
             begins=begins,
             now_s=now_s,
         )
+        slowed = world.way.cap_mps < self._settings.cruise_speed_mps * factor
+        cause = Cause.PERSON if self._brakes_hard or (slowed and cause == CALM) else cause
         if losses is not None and losses.slow:
             factor = at_most(factor, self._settings.lost_process_speed_factor)
             cause = Cause.LOST_PROCESS if cause == CALM else cause
@@ -243,7 +246,9 @@ class Supervisor:
 
     @property
     def _stop(self) -> Stop:
-        """The stop of the mode, else the comfort brake while the car is held back."""
+        """The stop of the mode, else an emergency brake for road users, or the comfort brake while held back."""
+        if self._brakes_hard:
+            return Stop.EMERGENCY
         held_back = self._held_back and self._mode.stop is Stop.NONE
         return Stop.COMFORT if held_back else self._mode.stop
 
@@ -268,6 +273,7 @@ class Supervisor:
         if self._mode.mode is Mode.FOLLOW and self._rules.mode(fear) is not Mode.STOP:
             pace_mps = at_most(self._observer.follower.pace_mps(world.ahead), self._settings.cruise_speed_mps)
             cruise_mps = at_least(cruise_mps, pace_mps)
+        cruise_mps = at_most(cruise_mps, world.way.cap_mps)
         return at_most(self._observer.follower.speed_cap_mps(world.ahead), cruise_mps)
 
     def _decision(
@@ -301,6 +307,8 @@ class Supervisor:
             disagreement_mps2=fused.disagreement_mps2,
             speed_factor=factor,
             speed_cap_mps=self._speed_cap_mps(world, rated.fear, factor),
+            road_user=world.way.kind,
+            road_user_m=world.way.ahead_m,
         )
 
 

@@ -165,7 +165,7 @@ DOUBTS = (
         "by three messages in time, by a new image",
     ),
     Doubt(
-        "a vehicle too near for a comfort stop",
+        "a vehicle or a road user too near for a comfort stop",
         lambda m: m.near and not m.driver,
         lambda s, _: s.near_s,
         Effect.BRAKE_HARDER,

@@ -13,6 +13,7 @@ from supervisor.inputs.validation import ValidationSettings
 from supervisor.modes.doubts import Moment
 from supervisor.modes.modes import STARTING, ModeSettings, ModeState
 from supervisor.path.follow import FollowSettings
+from supervisor.path.giving_way import Way
 from supervisor.rules.inference import FearRules
 from supervisor.situation.world_state import WorldState
 from trepid.bounds import at_least
@@ -142,11 +143,22 @@ def waits_for(view: View, halt: Halt) -> str:
     if halt.braked_for:
         end = f"{RECOVERED} messages in time of {', '.join(halt.late)}" if halt.late else "a new image"
         return f"brakes for {halt.braked_for}: waits for {end}"
-    if halt.cap_mps >= view.bounds.modes.standstill_mps:
+    way, standstill_mps = view.world.way, view.bounds.modes.standstill_mps
+    if halt.cap_mps >= standstill_mps:
         return ""
+    if way.hard or way.cap_mps < standstill_mps:
+        return _for_a_road_user(way, halt.now, view.bounds.scale)
     if halt.lead_cap_mps < view.bounds.modes.standstill_mps:
         return _behind_a_vehicle(view.world.ahead.distance_m, view.bounds)
     return f"brakes for fear {view.fear:.2f} ({view.cause}): waits for less fear"
+
+
+def _for_a_road_user(way: Way, now: Moment, scale: float) -> str:
+    """The words about the one that limits the speed most."""
+    brakes = "brakes hard" if way.hard else "waits" if now.standstill else "brakes"
+    article = "an" if way.kind[:1] in "aeiou" else "a"
+    where = "" if way.ahead_m is None else f", {way.ahead_m * scale:.0f} m ahead"
+    return f"{brakes} for {article} {way.kind}{where}: drives on when the way is free"
 
 
 def _behind_a_vehicle(gap_m: float | None, bounds: Bounds) -> str:
@@ -160,6 +172,7 @@ ENDS = {
     Cause.LOST_PROCESS.value: "the process that is lost",
     Cause.IMAGE_STATISTICS_LOST.value: "the image statistics",
     Cause.LEAD_LOST.value: "the detector of vehicles",
+    Cause.ROAD_USERS_LOST.value: "the detector of people",
 }
 """Cause of a fault -> what ends it, where no obstacle says it better."""
 

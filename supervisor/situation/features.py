@@ -13,10 +13,11 @@ from supervisor.inputs.consistency import Steadiness
 from supervisor.inputs.validation import ValidatedEstimate, surest_of_marking
 from supervisor.path.follow import Lead
 from supervisor.path.fusion import Fused
+from supervisor.path.giving_way import Way
 from supervisor.rules.rule_file import FORMER_PATH_JITTER
 from supervisor.situation.added import added_names
 from supervisor.situation.ratings import CONFIDENCE, ESTIMATOR_SUFFIXES, JITTER, PATH_JITTER
-from trepid.bounds import at_least
+from trepid.bounds import at_least, at_most
 from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics
 from trepid.spelling import did_you_mean
@@ -53,7 +54,7 @@ FEATURES = EARLY_FEATURES | {
         "separation",
         "single_source",
     ),
-    *("lateral_demand", "lateral_error", "crossing"),
+    *("lateral_demand", "lateral_error", "crossing", "person_time", "person_margin"),
 }
 """Further features belong to the estimators: the name that rates an estimator and one of ESTIMATOR_SUFFIXES."""
 
@@ -128,12 +129,14 @@ def features(
     trust: Mapping[str, float],
     single_source_s: float,
     half_width_m: float,
+    way: Way | None,
     enlargement: float = 1.0,
 ) -> Features:
     """Every input by name: ``early`` and the features that depend on the fusion.
 
     ``trust`` is the factor of the confidence of each estimator, 1 for estimators without one; ``half_width_m`` is
-    half the width of the vehicle. ``enlargement`` is that of the reference world relative to the world of the car.
+    half the width of the vehicle, ``way`` what road users leave to it, None where they are lost.
+    ``enlargement`` is that of the reference world relative to the world of the car.
     Tyres and gravity do not scale (:mod:`trepid.scale`): the lateral demand is rated in the world of the car.
     """
     speed_mps = early["speed"]
@@ -148,6 +151,8 @@ def features(
     # An unknown width of a measured lane counts as the narrowest lane: no room at all.
     unknown = True in [s.measures_width and s.width_m is None for s in estimates]
     found["crossing"] = _crossing_s(fused, motion, 0.0 if unknown else early["lane_width"], half_width_m)
+    found["person_time"] = None if way is None else at_most(way.time_s, BEYOND)
+    found["person_margin"] = _person_margin_mps(way, speed_mps)
     return found
 
 
@@ -220,6 +225,11 @@ def _first_root(room_m: float, drift_mps: float, bend_mps2: float) -> float:
     # Without cancellation for a small bend: room = t·(drift + sqrt(...))/2.
     towards = drift_mps + math.sqrt(under_root)
     return 2 * room_m / towards if towards > 0 else BEYOND
+
+
+def _person_margin_mps(way: Way | None, speed_mps: float | None) -> float | None:
+    """Speed [m/s] by which the car is slower than road users permit, negative where it is faster."""
+    return None if way is None or speed_mps is None else at_most(way.cap_mps - speed_mps, BEYOND)
 
 
 def _lead_distance(lead: Lead) -> float | None:

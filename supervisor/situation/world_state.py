@@ -17,6 +17,7 @@ from supervisor.inputs.validation import (
 from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
 from supervisor.path.follow import Follower, Following, FollowSettings, Lead, judge_lead
 from supervisor.path.fusion import Fused, Fusion, FusionSettings
+from supervisor.path.giving_way import GivingWay, GivingWaySettings, Way
 from supervisor.rules.inference import FearRules
 from supervisor.situation.added import Moment, measured
 from supervisor.situation.features import BEYOND, Features, early_features, features
@@ -39,7 +40,8 @@ class WorldState(NamedTuple):
     trust: dict[str, float]  # in every estimator by the rules, 0..1
     fused: Fused
     trail: Following  # of the vehicle ahead
-    near: bool  # the vehicle ahead is too near for a comfort stop
+    way: Way  # that road users leave to the car
+    near: bool  # a vehicle ahead or a road user is too near for a comfort stop
     features: Features  # the inputs of the fear rules
 
     @property
@@ -61,6 +63,7 @@ class WorldStateObserver:
         validation: ValidationSettings,
         fusion: FusionSettings,
         follow: FollowSettings,
+        giving_way: GivingWaySettings,
         vehicle: Vehicle,
         *,
         rated_as: Mapping[str, str] = RATED_AS,
@@ -71,6 +74,7 @@ class WorldStateObserver:
         self._enlargement = enlargement
         self._half_width_m, self._wheelbase_m = vehicle.track_m / 2, vehicle.wheelbase_m
         self._fusion, self.follower = Fusion(fusion), Follower(follow, vehicle)
+        self._giving_way = GivingWay(giving_way, vehicle)
         self._consistency, self._weak_edges = Consistency(), WeakEdges()
         self._saturated, self._single = Stopwatch(), Stopwatch()
         self._last_motion: Motion | None = None
@@ -124,6 +128,9 @@ class WorldStateObserver:
         trust = {name: voices[rating].trust for name, rating in rated.items() if rating in voices}
         fused = self._fusion.step(seen, moving, now_s=now_s, trust=trust)
         alone = len(seen) > 1 and len(fused.sources) == 1
+        road = fused.path if fused.sources else None
+        trail = self.follower.step(ahead, road, moving, now_s=now_s)
+        way = self._giving_way.step(watched, fused.path or trail.path, moving, now_s=now_s)
         inputs = features(
             early,
             seen,
@@ -133,9 +140,9 @@ class WorldStateObserver:
             # Nothing has ever checked the only estimator of a car.
             single_source_s=self._single.step(alone, now_s=now_s) if len(seen) > 1 else BEYOND,
             half_width_m=self._half_width_m,
+            way=None if watched.users is None else way,
             enlargement=self._enlargement,
         )
-        road = fused.path if fused.sources else None
         return WorldState(
             estimates=seen,
             ahead=ahead,
@@ -146,8 +153,9 @@ class WorldStateObserver:
             statistics_age_s=statistics_age_s,
             trust=trust,
             fused=fused,
-            trail=self.follower.step(ahead, road, moving, now_s=now_s),
-            near=self.follower.is_near(ahead, moving),
+            trail=trail,
+            way=way,
+            near=self.follower.is_near(ahead, moving) or way.hard,
             features=inputs,
         )
 

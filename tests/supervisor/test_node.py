@@ -134,7 +134,8 @@ def test_it_decides_at_once_on_a_report_of_a_lost_process() -> None:
 
 
 @pytest.mark.parametrize(
-    "topic", [estimate_topic("cv"), estimate_topic("cnn"), IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE]
+    "topic",
+    [estimate_topic("cv"), estimate_topic("cnn"), IMAGE_STATISTICS, LEAD_VEHICLE, ROAD_USERS, VEHICLE_STATE],
 )
 def test_a_malformed_message_on_any_input_raises_fear_to_one(topic: Any) -> None:
     assert one_decision()[0].fear < 0.5

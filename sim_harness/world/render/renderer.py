@@ -22,7 +22,7 @@ from sim_harness.world.render.optics.lens import Distortion
 from sim_harness.world.render.scene.backdrop import Backdrop
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.things import Thing, draw_thing
-from sim_harness.world.render.scene.vehicles import Body, Upright, draw_lead
+from sim_harness.world.render.scene.vehicles import Body, draw_lead
 from sim_harness.world.render.scene.view import STILL, Motion, Shot
 from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import Disturbance, disturbed
@@ -40,7 +40,7 @@ LIGHT_RAMP_M = 10.0  # over which the light changes between sections
 LEAD = Body()
 THINGS_WITHIN_M = 80.0  # distance within which things beside the road are drawn
 
-T = TypeVar("T", Upright, Thing)
+T = TypeVar("T", Body, Thing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,15 +104,15 @@ class Renderer:
         t_s: float,
         station_m: float | None = None,
         lead: Pose | None = None,
-        vehicles: Sequence[tuple[Pose, Upright]] = (),
+        vehicles: Sequence[tuple[Pose, Body]] = (),
         motion: Motion = STILL,
         light: Light | None = None,
     ) -> Image:
         """The frame of a vehicle with its rear axle at (x, y, yaw).
 
         ``station_m``: its station, if known; ``lead``: x, y, yaw of the rear axle of the vehicle ahead;
-        ``vehicles``: poses and bodies of others, people and animals included; ``motion``: of the own vehicle, for
-        motion blur and rolling shutter; ``light``: replaces that of the road's section.
+        ``vehicles``: poses and bodies of others; ``motion``: of the own vehicle, for motion blur and rolling
+        shutter; ``light``: replaces that of the road's section.
         """
         larger = self._enlargement
         x_m, y_m, motion = x_m * larger, y_m * larger, scaled_message(motion, larger)
@@ -122,7 +122,7 @@ class Renderer:
         pose = (x_m, y_m, yaw_rad)
         image = self._ground_and_sky(pose)
         self._paint_ahead(x_m, y_m, yaw_rad)
-        others: list[tuple[Pose, Upright]] = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
+        others = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
         shot = Shot(
             road=self._world,
             pose=pose,
@@ -150,7 +150,7 @@ class Renderer:
             draw_thing(image, self._eye, thing, place)
         return image
 
-    def _draw(self, vehicles: Sequence[tuple[Pose, Upright]], image: Image) -> None:
+    def _draw(self, vehicles: Sequence[tuple[Pose, Body]], image: Image) -> None:
         for pose, body in vehicles:
             draw_lead(image, self._eye, body, pose)
 

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from sim_harness.world.render.scene.painter import SHIFT, Pixels, Pose
-from sim_harness.world.render.scene.vehicles import Upright
+from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.types import Array, Floats, Image
@@ -85,7 +85,7 @@ class Shot:
     station_m: float
     t_s: float
     motion: Motion
-    vehicles: tuple[tuple[Pose, Upright], ...]  # poses in vehicle axes, from far to near
+    vehicles: tuple[tuple[Pose, Body], ...]  # poses in vehicle axes, from far to near
     sun_bearing_rad: float  # left of the camera's axis
     seed: int
 
