@@ -1,7 +1,8 @@
 """The table of benchmarks: ``trepid bench NAME``. A benchmark is imported when it runs."""
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 
@@ -13,6 +14,7 @@ class Benchmark(NamedTuple):
     values: str = ""  # of the numbers in its figure, where their names do not give meaning and unit
     pictured: bool = True  # False: its rows have hardly a column in common
     continued: bool = False  # an interrupted one is continued by the same command: its seed is fixed
+    own_figure: bool = False  # drawn by the function `draw` of its module instead of as bars
 
 
 BENCHMARKS = {
@@ -99,6 +101,12 @@ BENCHMARKS = {
     "fear-supervision": Benchmark(
         "fear.supervision", "supervised car and unsupervised drivers on hard drives"
     ),
+    "fear-severity": Benchmark(
+        "severity.bench",
+        "fear over the grade of every disturbance and fault, by speed: falls, right causes",
+        continued=True,
+        own_figure=True,
+    ),
     "security": Benchmark("security", "foreign, malformed and replayed messages that a drive acts upon"),
     "security-flood": Benchmark("flood", "a drive under 100 000 messages a second, with and without keys"),
     "follow-detector": Benchmark("follow.detector", "recall and precision of the lead detector"),
@@ -141,7 +149,7 @@ BENCHMARKS = {
     ),
 }
 BY_DEFAULT = ("estimators", "renderer", "lockstep", "plants", "sweep")
-LONG = {"control-limits", "control-random"}
+LONG = {"control-limits", "control-random", "fear-severity"}
 """Benchmarks of half an hour, which their group leaves out."""
 GROUPS = ("control", "fear", "follow", "study")
 
@@ -151,6 +159,14 @@ def named(name: str) -> list[str]:
     if name in GROUPS:
         return [known for known in BENCHMARKS if known.startswith(f"{name}-") and known not in LONG]
     return [name]
+
+
+def drawing(name: str) -> Callable[[Mapping[str, Any], Path], None]:
+    """The function that draws the figure of a benchmark with ``own_figure`` from its measured values to a path."""
+    found: Callable[[Mapping[str, Any], Path], None] = importlib.import_module(
+        f"sim_harness.bench.{BENCHMARKS[name].module}"
+    ).draw
+    return found
 
 
 def function(name: str) -> Callable[..., dict[str, Any]]:

@@ -51,14 +51,17 @@ def bench(
             help="perception: names, separated by commas; default: all. real: beside cv and cnn; also: all."
         ),
     ] = "",
-    quick: Annotated[bool, typer.Option(help="perception, real, imitation: a part of the frames.")] = False,
+    quick: Annotated[
+        bool, typer.Option(help="perception, real, imitation, fear-severity: a part of it.")
+    ] = False,
     repeats: Annotated[
         int | None, typer.Option(min=1, help="perception: number of passes over the clips; default: 1.")
     ] = None,
     jobs: Annotated[
         int | None,
         typer.Option(
-            min=1, help="perception, imitation: number of processes; faults: of drives at a time; default: 1."
+            min=1,
+            help="perception, imitation, fear-severity: processes; faults: drives at a time; default: 1.",
         ),
     ] = None,
     keep_frames: Annotated[
@@ -81,7 +84,10 @@ def bench(
         Path | None, typer.Option(help="perception: folder for tables and figures; real: for pictures.")
     ] = None,
     count: Annotated[
-        int | None, typer.Option(min=1, help="faults, logbook: number of each; default: 100.")
+        int | None,
+        typer.Option(
+            min=1, help="faults, logbook: number of each, default 100; fear-severity: of roads, default 2."
+        ),
     ] = None,
     duration: Annotated[
         float | None, typer.Option(min=20.0, help="soak: length of the drive [s]; default: 1800.")

@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
-from sim_harness.bench.catalogue import BENCHMARKS
+from sim_harness.bench.catalogue import BENCHMARKS, drawing
 from sim_harness.bench.figure import draw
 from sim_harness.bench.readme import write_table
 from sim_harness.bench.text import columns_of, grids, markdown, shown, singles, turned
@@ -92,7 +92,9 @@ def save(result: Result, folder: Path) -> None:
 
 def _draw(result: Result, folder: Path) -> None:
     benchmark = BENCHMARKS[result.name]
-    if benchmark.pictured:
+    if benchmark.own_figure:
+        drawing(result.name)(result.measured, folder / f"{result.name}.png")
+    elif benchmark.pictured:
         draw(result.measured, folder / f"{result.name}.png", values=benchmark.values)
 
 

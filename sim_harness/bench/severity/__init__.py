@@ -1,0 +1,1 @@
+"""Fear over the severity of disturbances and faults: ``trepid bench fear-severity``."""
