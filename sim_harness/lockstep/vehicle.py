@@ -17,6 +17,7 @@ from sim_harness.lockstep.road_users import RoadUsersAround, Walker
 from sim_harness.lockstep.run_up import driven, rail
 from sim_harness.lockstep.traffic import Actor, Traffic
 from sim_harness.scenarios.scenario import Scenario
+from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import Road
@@ -160,13 +161,23 @@ class SimulatedVehicle:
         if self._ticks <= 0:
             self._run_up()
         else:
-            self._pose = self._plant.step(self._pose, applied, period_s)
+            self._pose = self._plant.step(self._pose, self._on_the_grade(applied), period_s)
             near_m = self._place.station_m + self._pose.speed_mps * period_s
             self._place = locate(self.road, self._pose, near_m)
             if self._referee.must_recentre(self._pose, self._place):
                 self._place = Place(self._place.station_m, 0.0, 0.0)
                 self._pose = self._recentred(self._pose, self._place)
         self._touch()
+
+    def _on_the_grade(self, applied: Command) -> Command:
+        """``applied`` with the part of the weight that acts along the road, -g·sin(atan(grade)).
+
+        The drive follows both with its lag. On a hill the car is held: at rest it does not roll backwards.
+        """
+        if self.road.elevation is None:
+            return applied
+        pull_mps2 = -GRAVITY_MPS2 * math.sin(math.atan(self.road.grade_at(self._place.station_m)))
+        return replace(applied, accel_mps2=applied.accel_mps2 + pull_mps2)
 
     def _touch(self) -> None:
         """Count contacts; a vehicle ahead in contact limits the speed to its own, a person or animal does not."""

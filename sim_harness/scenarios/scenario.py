@@ -26,8 +26,9 @@ from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.road_file import ROAD_SUFFIXES, load_road_settings
 from sim_harness.world.roads.appearance import LaneWidth, Section
-from sim_harness.world.roads.disturbances import Disturbance, disturbed
-from sim_harness.world.roads.features import Junction, RoadMark
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
+from sim_harness.world.roads.elevation import ElevationPoint
+from sim_harness.world.roads.features import Junction, RoadMark, Wall
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from supervisor.rules.rule_file import RuleFile
 from trepid.car.vehicle import Vehicle
@@ -77,6 +78,8 @@ TagName = Annotated[
     ),
 ]
 SLOWEST_START_MPS = 0.1
+_ALONG = ("marks", "junctions", "walls", "elevation")
+"""Features along the road, which a scenario may replace."""
 
 
 class Start(Settings):
@@ -150,6 +153,8 @@ class Scenario(Settings):
     segments: tuple[Segment, ...] | None = None  # reference line instead of the road's, as an open road
     marks: tuple[RoadMark, ...] | None = None  # instead of the road's; default with `segments`: none
     junctions: tuple[Junction, ...] | None = None  # as `marks`
+    walls: tuple[Wall, ...] | None = None  # as `marks`
+    elevation: tuple[ElevationPoint, ...] | None = None  # as `marks`
     lane_width_m: LaneWidth | None = None
     appearance: Appearance = Field(default_factory=Appearance)
     start: Start = Start()
@@ -232,10 +237,8 @@ class Scenario(Settings):
             update["lane_width_m"] = self.lane_width_m
         if self.segments is not None:
             line = {"segments": self.segments, "closed": False, "sections": sections[:1]}
-            update |= {**line, "marks": (), "junctions": ()}
-        update |= {
-            name: given for name in ("marks", "junctions") if (given := getattr(self, name)) is not None
-        }
+            update |= {**line, **dict.fromkeys(_ALONG, ())}
+        update |= {name: given for name in _ALONG if (given := getattr(self, name)) is not None}
         return RoadSettings.model_validate({**given_fields(settings), **update})
 
     def check(self) -> None:
@@ -257,11 +260,14 @@ class Scenario(Settings):
             return ("road",), f"no road {self.road!r}; {hint} (or a .yaml or .xodr file)"
         settings = load_road_settings(self._road_file())
         try:
-            length_m = Road(self._changed(settings)).length_m
+            road = Road(self._changed(settings))
         except ValueError as error:
             return (self._field_of(error),), one_line(error)
-        if not 0.0 <= self.start.station_m < length_m:
-            return ("start", "station_m"), f"the road runs from 0 to {length_m:.1f} m"
+        if not 0.0 <= self.start.station_m < road.length_m:
+            return ("start", "station_m"), f"the road runs from 0 to {road.length_m:.1f} m"
+        for number, disturbance in enumerate(self.disturbances):
+            if disturbance.kind is DisturbanceKind.TUNNEL_EXIT and road.elevation is not None:
+                return ("disturbances", number), "a tunnel needs a flat road, and this one has an elevation"
         return self._problem_with_parts(settings)
 
     def _problem_with_estimators(self) -> Problem | None:
@@ -327,9 +333,7 @@ class Scenario(Settings):
 
     def _field_of(self, error: ValueError) -> str:
         """The field of this scenario that caused an error of the road."""
-        given = [
-            n for n in ("marks", "junctions", "segments", "lane_width_m") if getattr(self, n) is not None
-        ]
+        given = [n for n in (*_ALONG, "segments", "lane_width_m") if getattr(self, n) is not None]
         named = [name for name in given if name.split("_")[0].rstrip("s") in str(error)]
         return next(iter(named or (["appearance"] if self.appearance.model_fields_set else given)), "road")
 

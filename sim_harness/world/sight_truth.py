@@ -11,7 +11,9 @@ dark    by night a square target before asphalt no longer stands out of the nois
             ΔE·min(√n, n)/σ ≥ k,    k = 5    (Rose 1948)
 
         Cause ``dark``, or ``fog`` where the optical range is shorter than the sight in clear air.
-hidden  the line from the lens to the ground meets another vehicle. Cause ``occluded``.
+hidden  the line from the lens to the ground meets another vehicle or a wall. Cause ``occluded``.
+crest   ground before hides the ground: on a crest of radius R the lens, h above it, sees √(2·h·R) far. Cause
+        ``crest``.
 edge    the lane leaves the image at its left or right edge. No cause: nothing takes the sight.
 
 ``config/sight_truth.yaml`` holds the numbers. A sight that nothing ends is ``limit_m`` long. Not counted: stray
@@ -44,6 +46,7 @@ STEP_M = 2.0  # between the places that are tried first
 FINER = 64  # places within a step: to 3 cm
 NEAREST_M = 1.0  # ahead of the lens
 WITHIN_M = 120.0  # distance within which standing vehicles hide the road
+WALL_M = 3.0  # of a straight piece of a wall
 _SHARES = np.arange(1, FINER + 1) / FINER
 GREEN = 1  # the channel that stands for brightness
 
@@ -97,6 +100,7 @@ class SightTruth:
         self._standing = [
             one for d in parked for one in standing(self._road, d, self._table.occlusion, seed=seed)
         ]
+        self._walls, self._walls_at_m = _wall_faces(self._road)
         self._ahead_m = np.arange(self._camera.x_m + NEAREST_M, self._settings.limit_m + STEP_M, STEP_M)
 
     def at(self, station_m: float, pose: Pose, vehicles: Sequence[tuple[Pose, Body]] = ()) -> SightDistance:
@@ -111,16 +115,27 @@ class SightTruth:
         view = _View(self._road, self._camera, self._optical, station_m, pose)
         coarse = view.places(self._ahead_m)
         near = [one for one in self._standing if math.dist(one[0][:2], pose[:2]) < WITHIN_M]
-        faces = _faces([*near, *others])
+        faces = np.concatenate([_faces([*near, *others], coarse), self._walls_near(station_m)])
         ends = [
             (self._settings.limit_m, ""),
             (view.first(coarse, view.beside), ""),
             *self._in_the_air(view, coarse),
         ]
+        if self._road.elevation is not None:
+            ends.append((view.crest(coarse), Cause.CREST))
         if len(faces):
             ends.append((view.first(coarse, lambda places: view.hidden(places, faces)), Cause.OCCLUDED))
         distance_m, cause = min(ends, key=lambda end: end[0])
         return SightDistance(distance_m / larger, str(cause))
+
+    def _walls_near(self, station_m: float) -> Array:
+        """The faces of walls beside the lane ahead."""
+        if not len(self._walls):
+            return self._walls
+        ahead_m = self._walls_at_m - station_m
+        if self._road.closed:
+            ahead_m = ahead_m % self._road.length_m
+        return self._walls[(ahead_m > -WALL_M) & (ahead_m < self._settings.limit_m)]
 
     def _in_the_air(self, view: "_View", coarse: Places) -> list[tuple[float, Cause]]:
         """Where fog and where darkness end the sight."""
@@ -188,14 +203,18 @@ class _View:
         x, y, yaw = pose
         cos, sin = math.cos(yaw), math.sin(yaw)
         self._world_from_vehicle = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
-        self._axle_m = np.array([x, y, 0.0])
+        self._axle_m = np.array([x, y, float(road.heights_at([station_m])[0])])
+        self._grade = road.grade_at(station_m)
         self._lens_m = np.array([camera.x_m, camera.y_m, camera.height_m])
         self._eye_m = self._world_from_vehicle @ self._lens_m + self._axle_m
+        self._eye_m[2] += self._grade * camera.x_m
 
     def places(self, ahead_m: Array) -> Places:
-        plane_m = self._road.positions(self.station_m + ahead_m, np.zeros(len(ahead_m)))
-        world_m = np.column_stack([plane_m, np.zeros(len(ahead_m))])
+        stations = self.station_m + ahead_m
+        plane_m = self._road.positions(stations, np.zeros(len(ahead_m)))
+        world_m = np.column_stack([plane_m, self._road.heights_at(stations)])
         vehicle_m = (world_m - self._axle_m) @ self._world_from_vehicle
+        vehicle_m[:, 2] -= self._grade * vehicle_m[:, 0]  # the vehicle stands on the tangent of the road
         return Places(ahead_m, world_m, vehicle_m, np.sqrt(np.sum((vehicle_m - self._lens_m) ** 2, axis=1)))
 
     def first(self, places: Places, ends: Callable[[Places], Mask]) -> float:
@@ -209,6 +228,22 @@ class _View:
         low_m, high_m = places.ahead_m[index - 1 : index + 1]
         between = self.places(low_m + (high_m - low_m) * _SHARES)
         return float(between.ahead_m[np.argmax(ends(between))])
+
+    def crest(self, places: Places) -> float:
+        """Where ground before first hides the ground; infinite where it does not."""
+
+        def steepness(of: Places) -> Array:
+            x_m, _, z_m = (of.vehicle_m - self._lens_m).T
+            return np.asarray(np.where(x_m > 0, z_m / np.maximum(x_m, 1e-6), -np.inf))
+
+        seen = steepness(places)
+        hidden = seen[1:] < np.maximum.accumulate(seen)[:-1] - 1e-9
+        index = int(np.argmax(hidden)) + 1
+        if not hidden[index - 1]:
+            return math.inf
+        low_m, high_m = places.ahead_m[max(index - 2, 0)], places.ahead_m[index]
+        between = self.places(low_m + (high_m - low_m) * _SHARES)
+        return float(between.ahead_m[np.argmax(steepness(between))])
 
     def beside(self, places: Places) -> Mask:
         """Whether the places lie left or right of the image."""
@@ -231,11 +266,16 @@ class _View:
         return np.asarray(met.any(axis=1), np.bool_)
 
 
-def _faces(vehicles: Sequence[tuple[Pose, Body]]) -> Array:
-    """The sides of the boxes around ``vehicles``: x, y of both ends and the height, (n, 5)."""
+def _faces(vehicles: Sequence[tuple[Pose, Body]], lane: Places) -> Array:
+    """The sides of the boxes around ``vehicles``: x, y of both ends and the height of the top, (n, 5).
+
+    A vehicle stands as high as the nearest place of the ``lane``.
+    """
     rows = []
     for (x_m, y_m, yaw_rad), body in vehicles:
         cos, sin, half_m = math.cos(yaw_rad), math.sin(yaw_rad), body.width_m / 2
+        nearest = np.argmin(np.sum((lane.world_m[:, :2] - (x_m, y_m)) ** 2, axis=1))
+        top_m = float(lane.world_m[nearest, 2]) + body.height_m
         ends = (
             (body.rear_m, half_m),
             (body.rear_m, -half_m),
@@ -243,5 +283,19 @@ def _faces(vehicles: Sequence[tuple[Pose, Body]]) -> Array:
             (body.front_m, half_m),
         )
         corners = [(x_m + a * cos - b * sin, y_m + a * sin + b * cos) for a, b in ends]
-        rows += [(*corners[i], *corners[(i + 1) % 4], body.height_m) for i in range(4)]
+        rows += [(*corners[i], *corners[(i + 1) % 4], top_m) for i in range(4)]
     return np.array(rows).reshape(-1, 5)
+
+
+def _wall_faces(road: Road) -> tuple[Array, Array]:
+    """The faces of all walls, as of :func:`_faces`, and the station of each."""
+    faces, stations_m = [np.empty((0, 5))], [np.empty(0)]
+    for wall in road.settings.walls:
+        count = max(math.ceil((wall.to_m - wall.from_m) / WALL_M), 1)
+        stations = np.linspace(wall.from_m, wall.to_m, count + 1)
+        tops_m = road.heights_at((stations[:-1] + stations[1:]) / 2) + wall.tall_m
+        for sign in wall.signs:
+            ends = road.positions(stations, sign * (road.widths_at(stations) / 2 + wall.distance_m))
+            faces.append(np.column_stack([ends[:-1], ends[1:], tops_m]))
+            stations_m.append(stations[:-1])
+    return np.concatenate(faces), np.concatenate(stations_m)

@@ -1,6 +1,7 @@
 """Renders camera frames of a road.
 
-The ground is flat: a frame is an image from above, warped by the camera's homography. The image is split into bands
+Flat ground is an image from above, warped by the camera's homography; a road with an elevation profile is drawn by
+:mod:`sim_harness.world.render.relief_ground`. The image is split into bands
 of distance. Each band reads the level of the ground with pixels of about its own width, and averages several drawn
 rows where one row of the image spans many pixels of the ground (anti-aliasing). The frame has four channels until
 the ground is drawn, because OpenCV warps four channels twice as fast as three.
@@ -19,11 +20,15 @@ from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.ground.strip_grid import LEVELS_M
 from sim_harness.world.render.optics.exposure import Exposure
 from sim_harness.world.render.optics.lens import Distortion
+from sim_harness.world.render.relief_ground import HAZE_REACH_M, draw_relief, fade, relief_distance
 from sim_harness.world.render.scene.backdrop import Backdrop
+from sim_harness.world.render.scene.cover import behind, camera_at
 from sim_harness.world.render.scene.painter import Pose
+from sim_harness.world.render.scene.relief import Relief
 from sim_harness.world.render.scene.things import Thing, draw_thing
 from sim_harness.world.render.scene.vehicles import Body, draw_lead
-from sim_harness.world.render.scene.view import STILL, Motion, Shot
+from sim_harness.world.render.scene.view import STILL, Motion, Shot, View
+from sim_harness.world.render.scene.walls import Walls
 from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.road import Road
@@ -34,7 +39,6 @@ from trepid.types import Array, Floats, Image
 REACH = ((0, 0.9), (0, 1.2), (1, 1.2), (2, 1.2), (3, 1.2), (4, math.inf))
 """Bands from near to far: level, and reach as the ratio of image pixel to level pixel on the ground."""
 MAX_ROWS_PER_ROW = 6
-HAZE_REACH_M = 220.0
 PAINT_AHEAD_M = 7.0  # distance at which tiles are painted in advance, one a frame
 LIGHT_RAMP_M = 10.0  # over which the light changes between sections
 LEAD = Body()
@@ -85,10 +89,15 @@ class Renderer:
         self._ground = ground or Ground(road, seed=seed)
         self._backdrop = Backdrop(self._eye, seed=seed)
         self._things = _enlarged(things, self._enlargement)
+        self._walls = Walls(road, seed=seed) if road.settings.walls else None
+        self._view = (
+            View(self._eye) if self._walls or road.elevation else None
+        )  # of what rises above the plane
         self._exposure = Exposure(camera)
         self._bands = _bands(self._eye, self._backdrop.rows)
         self._corners_m = np.array([band.corners_m for band in self._bands]).reshape(-1, 4, 2)
         self._far_rows, self._far_share = _far(self._eye, self._backdrop.rows)
+        self._hazy_from_m = float(_depth(self._eye, np.array([float(self._far_rows.stop)]))[0])
         self._disturber = None
         if any(disturbance.grade > 0 for disturbance in disturbances):
             self._disturber = Disturber(road, self._eye, camera, self._backdrop, disturbances, seed=seed)
@@ -117,10 +126,10 @@ class Renderer:
         larger = self._enlargement
         x_m, y_m, motion = x_m * larger, y_m * larger, scaled_message(motion, larger)
         station_m = station_m if station_m is None else station_m * larger
-        if station_m is None and (light is None or self._disturber):
+        if station_m is None and (light is None or self._disturber or self._world.elevation):
             station_m = self._world.local_coordinates(x_m, y_m)[0]
         pose = (x_m, y_m, yaw_rad)
-        image = self._ground_and_sky(pose)
+        image, relief, surface_m = self._ground_and_sky(pose, station_m)
         self._paint_ahead(x_m, y_m, yaw_rad)
         others = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
         shot = Shot(
@@ -132,27 +141,45 @@ class Renderer:
             vehicles=_far_first(_enlarged(others, larger), pose),
             sun_bearing_rad=self._world.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad,
             seed=self.seed,
+            relief=relief,
+            surface_m=surface_m,
         )
         light = self._light_at(shot.station_m) if light is None else light
         grades = self._disturber.grades(shot.station_m) if self._disturber else {}
         if self._disturber and (grades or self._disturber.needs_light(shot.station_m, grades)):
             return self._disturbed(self._disturber, image, shot, light, grades)
-        self._draw(shot.vehicles, image)
+        self._draw(shot.vehicles, image, shot)
         return self._expose(self._bent(image), shot, light)
 
-    def _ground_and_sky(self, pose: Pose) -> Image:
+    def _ground_and_sky(
+        self, pose: Pose, station_m: float | None
+    ) -> tuple[Image, Relief | None, Floats | None]:
+        """Ground, sky, walls and things; the relief of the ground, and the distance of ground and walls."""
         padded = np.empty((self._eye.height_px, self._eye.width_px, 4), np.uint8)
-        self._backdrop.draw(padded, pose[2])
-        self._draw_ground(padded, *pose)
+        relief, surface_m = None, None
+        if self._view is not None and self._world.elevation is not None and station_m is not None:
+            relief = Relief(self._world, self._eye, station_m, pose)
+            self._backdrop.draw_from(padded, pose[2], relief.horizon_row)
+            draw_relief(padded, self._ground, self._view, relief)
+            surface_m = relief_distance(self._view, relief)
+            fade(padded, surface_m, self._backdrop.horizon_bgr, from_m=self._hazy_from_m)
+        else:
+            self._backdrop.draw(padded, pose[2])
+            self._draw_ground(padded, *pose)
         image = np.asarray(cv2.cvtColor(padded, cv2.COLOR_BGRA2BGR), np.uint8)
+        if self._view is not None and self._walls is not None:
+            surface_m = self._view.distance_m.copy() if surface_m is None else surface_m
+            self._walls.draw(image, surface_m, self._view, pose, relief)
         near = [one for one in self._things if math.dist(one[0][:2], pose[:2]) < THINGS_WITHIN_M]
         for place, thing in _far_first(near, pose):
-            draw_thing(image, self._eye, thing, place)
-        return image
+            with behind(image, surface_m, _distance((place, thing))):
+                draw_thing(image, camera_at(self._eye, relief, *place[:2]), thing, place)
+        return image, relief, surface_m
 
-    def _draw(self, vehicles: Sequence[tuple[Pose, Body]], image: Image) -> None:
+    def _draw(self, vehicles: Sequence[tuple[Pose, Body]], image: Image, shot: Shot) -> None:
         for pose, body in vehicles:
-            draw_lead(image, self._eye, body, pose)
+            with behind(image, shot.surface_m, _distance((pose, body))):
+                draw_lead(image, camera_at(self._eye, shot.relief, *pose[:2]), body, pose)
 
     def _bent(self, image: Image) -> Image:
         return np.asarray(self._lens.bend(image), np.uint8) if self._lens else image
@@ -166,10 +193,10 @@ class Renderer:
     ) -> Image:
         """The frame from ``image`` (ground and sky) under the disturbances ``grades``."""
         still = _far_first(disturber.standing_near(shot.pose), shot.pose)
-        self._draw(still, image)
+        self._draw(still, image, shot)
         image = disturber.move(image, shot, grades)
         # Vehicles drawn from here on stay sharp: their speed is close to that of the own vehicle.
-        self._draw(shot.vehicles, image)
+        self._draw(shot.vehicles, image, shot)
         shot = replace(shot, vehicles=tuple(sorted((*still, *shot.vehicles), key=_distance, reverse=True)))
         with_light = disturber.needs_light(shot.station_m, grades)
         if with_light:

@@ -1,4 +1,4 @@
-"""Settings of local features of a road: marks painted on it, side roads that join it."""
+"""Settings of local features of a road: marks painted on it, side roads that join it, walls along it."""
 
 from enum import StrEnum
 from typing import Annotated, Self
@@ -84,3 +84,43 @@ class Junction(Settings):
         """Stations between which the edge of the road is open."""
         half_m = self.width_m / 2 + self.radius_m
         return self.at_m - half_m, self.at_m + half_m
+
+
+class WallKind(StrEnum):
+    """What a wall looks like."""
+
+    PARAPET = "parapet"  # pale concrete
+    STONE = "stone"  # a garden wall
+    HEDGE = "hedge"
+    HOUSES = "houses"  # a row of fronts with windows
+
+
+HEIGHT_M = {WallKind.PARAPET: 1.1, WallKind.STONE: 2.0, WallKind.HEDGE: 2.2, WallKind.HOUSES: 7.0}
+"""Usual heights; a parapet is at least 1.0 m high (EN 1317-6)."""
+
+
+class Wall(Settings):
+    """A wall along the road, which hides what lies behind it."""
+
+    kind: WallKind = WallKind.STONE
+    side: Side
+    from_m: NonNegative  # station
+    to_m: Positive
+    distance_m: NonNegative = 1.0  # from the edge of the kept lane to its near face
+    height_m: Annotated[float, Field(gt=0, le=30)] | None = None  # above the ground; default by kind
+
+    @model_validator(mode="after")
+    def _ends_after_it_starts(self) -> Self:
+        if self.to_m <= self.from_m:
+            raise ValueError(f"a wall must end beyond its start, got {self.from_m:g} to {self.to_m:g} m")
+        return self
+
+    @property
+    def tall_m(self) -> float:
+        """Height above the ground."""
+        return HEIGHT_M[self.kind] if self.height_m is None else self.height_m
+
+    @property
+    def signs(self) -> tuple[int, ...]:
+        """The sides on which it stands: 1 left, -1 right."""
+        return {Side.LEFT: (1,), Side.RIGHT: (-1,), Side.BOTH: (1, -1)}[self.side]

@@ -21,7 +21,8 @@ from pydantic import Field, model_validator
 from scipy.spatial import cKDTree
 
 from sim_harness.world.roads.appearance import LaneWidth, Section
-from sim_harness.world.roads.features import Junction, MarkKind, RoadMark
+from sim_harness.world.roads.elevation import Elevation, ElevationPoint
+from sim_harness.world.roads.features import Junction, MarkKind, RoadMark, Wall
 from trepid.bounds import at_least, within
 from trepid.config import Settings, wrong_at
 from trepid.scale import PUBLIC_LANE_M, REFERENCE_LANE_M, scaled_settings
@@ -66,6 +67,8 @@ class RoadSettings(Settings):
     sections: Annotated[tuple[Section, ...], Field(min_length=1)]
     marks: tuple[RoadMark, ...] = ()
     junctions: tuple[Junction, ...] = ()
+    walls: tuple[Wall, ...] = ()
+    elevation: tuple[ElevationPoint, ...] = ()  # at rising stations; none: flat
 
     @property
     def scale(self) -> float:
@@ -140,6 +143,27 @@ class RoadSettings(Settings):
             if junction.at_m > length_m:
                 message = f"junctions.{number} lies at {junction.at_m} m, beyond the road's {length_m:.1f} m"
                 raise wrong_at(("junctions", number, "at_m"), message)
+        for number, wall in enumerate(self.walls):
+            if wall.to_m > length_m:
+                message = f"walls.{number} ends at {wall.to_m} m, beyond the road's {length_m:.1f} m"
+                raise wrong_at(("walls", number, "to_m"), message)
+        return self
+
+    @model_validator(mode="after")
+    def _profile_runs_forwards(self) -> Self:
+        length_m = math.fsum(segment.length_m for segment in self.segments)
+        stations = [point.at_m for point in self.elevation]
+        for number, (before, here) in enumerate(pairwise(stations), start=1):
+            if before >= here:
+                message = (
+                    f"elevation.{number} lies at {here:g} m, not beyond the point before at {before:g} m"
+                )
+                raise wrong_at(("elevation", number, "at_m"), message)
+        if stations and (stations[-1] > length_m or (self.closed and stations[-1] == length_m)):
+            message = f"elevation ends at {stations[-1]:g} m; the road is {length_m:.1f} m long"
+            if self.closed:
+                message += ", and a closed road returns to its first point by itself"
+            raise wrong_at(("elevation", len(stations) - 1, "at_m"), message)
         return self
 
 
@@ -164,6 +188,8 @@ class Road:
         self.length_m = math.fsum(segment.length_m for segment in settings.segments)
         self._section_starts = [section.start_m for section in settings.sections]
         self._section_ends = [*self._section_starts[1:], self.length_m]
+        profile = settings.elevation
+        self.elevation = Elevation(profile, length_m=self.length_m, closed=self.closed) if profile else None
         self._table = _table(settings.segments, closed=settings.closed)
         self.max_curvature_1pm = max(
             max(abs(segment.start_curvature_1pm), abs(segment.end_curvature_1pm))
@@ -309,6 +335,16 @@ class Road:
         """(x, y) of n points, shape (n, 2)."""
         x, y, heading, _ = self.poses(station_m).T
         return np.column_stack([x - offset_m * np.sin(heading), y + offset_m * np.cos(heading)])
+
+    def heights_at(self, station_m: ArrayLike) -> Array:
+        """Height [m] of the reference line at n stations, shape (n,); 0 on a flat road."""
+        if self.elevation is None:
+            return np.zeros(np.shape(station_m))
+        return self.elevation.heights_at(station_m)
+
+    def grade_at(self, station_m: float) -> float:
+        """Height per length at a station, + = uphill; 0 on a flat road."""
+        return 0.0 if self.elevation is None else self.elevation.grade_at(station_m)
 
     def nearest_coordinates(self, points_m: ArrayLike, *, steps: int = 4) -> Array:
         """(station, offset) of the nearest foot points of n points (x, y), shape (n, 2).

@@ -15,7 +15,8 @@ from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Light, Section
 from sim_harness.world.roads.disturbances import Disturbance
-from sim_harness.world.roads.features import RoadMark
+from sim_harness.world.roads.elevation import ElevationPoint
+from sim_harness.world.roads.features import RoadMark, Wall, WallKind
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from sim_harness.world.sight_truth import SightTruth, load_sight_settings
 from trepid.car.camera import Camera
@@ -29,10 +30,16 @@ START = (10.0, 0.0, 0.0)
 LONG = (Segment(length_m=400),)
 
 
-def road(*marks: RoadMark, segments: tuple[Segment, ...] = LONG) -> Road:
+def road(*marks: RoadMark, segments: tuple[Segment, ...] = LONG, **features: object) -> Road:
     section = Section(name="plain", start_m=0)
     look = {"name": "plain", "closed": False, "lane_width_m": LANE_M, "sections": (section,)}
-    return Road(RoadSettings(**look, segments=segments, marks=marks))
+    return Road(RoadSettings(**look, segments=segments, marks=marks, **features))
+
+
+def crest(radius_m: float, *, at_m: float = 100.0) -> tuple[ElevationPoint, ...]:
+    """Uphill to a vertical curve of constant radius that begins at a station, and ends at the opposite grade."""
+    grade = 60.0 / radius_m
+    return ElevationPoint(at_m=at_m, grade=grade), ElevationPoint(at_m=at_m + 120.0, grade=-grade)
 
 
 STRAIGHT = road()
@@ -116,13 +123,59 @@ def test_a_bend_ends_the_sight_where_the_lane_leaves_the_image():
     assert cause == ""
 
 
+@given(radius_m=st.floats(300.0, 2000.0), height_m=st.floats(0.8, 3.0), into_m=st.floats(0.0, 25.0))
+@settings(max_examples=30, deadline=None)
+def test_over_a_crest_of_constant_radius_the_sight_is_the_root_of_twice_height_times_radius(
+    radius_m, height_m, into_m
+):
+    camera = CAMERA.model_copy(update={"height_m": height_m, "x_m": 0.0})
+    hill = road(elevation=crest(radius_m))
+    distance_m, cause = SightTruth(hill, camera, seed=0).at(100.0 + into_m, (100.0 + into_m, 0.0, 0.0))
+    expected_m = math.sqrt(2 * height_m * radius_m)
+    if expected_m < 120.0 - into_m:  # else the ground falls away only beyond the curve
+        assert distance_m == pytest.approx(expected_m, abs=0.1)
+        assert cause == Cause.CREST
+
+
+def test_a_sag_and_an_even_grade_take_no_sight():
+    for profile in ([(0.0, 0.08)], [(20.0, -0.05), (120.0, 0.05)]):
+        points = [ElevationPoint(at_m=at_m, grade=grade) for at_m, grade in profile]
+        assert sight(on=road(elevation=tuple(points))) == (LIMIT_M, "")
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("distance_m", [0.6, 1.5])
+def test_a_wall_inside_a_bend_ends_the_sight_at_the_chord_that_touches_it(side, distance_m):
+    """From a circle of radius R past one of radius r to the first again: an arc of 2·R·acos(r/R)."""
+    radius_m = 60.0
+    camera = CAMERA.model_copy(update={"x_m": 0.0})
+    arc = (Segment(length_m=180, curvature_1pm=side / radius_m),)
+    wall = Wall(side="left" if side > 0 else "right", from_m=0, to_m=180, distance_m=distance_m, height_m=2.0)
+    walled = road(segments=arc, walls=(wall,))
+    pose = (*walled.position(20.0, 0.0), walled.heading_at(20.0))
+    seen = SightTruth(walled, camera, seed=0).at(20.0, pose)
+    inner_m = radius_m - LANE_M / 2 - distance_m
+    assert seen.distance_m == pytest.approx(2 * radius_m * math.acos(inner_m / radius_m), rel=0.01)
+    assert seen.cause == Cause.OCCLUDED
+
+
+def test_the_eye_sees_farther_over_a_lower_wall():
+    arc = (Segment(length_m=180, curvature_1pm=1 / 60),)
+    heights_m = (0.05, 0.3, 0.8, 1.6, 3.0)
+    walls = [Wall(side="left", from_m=0, to_m=180, height_m=height_m) for height_m in heights_m]
+    seen_m = [sight(on=road(segments=arc, walls=(wall,))).distance_m for wall in walls]
+    assert seen_m == sorted(seen_m, reverse=True)
+    assert seen_m[0] > 1.5 * seen_m[-1]
+    assert seen_m[-2] == seen_m[-1]  # higher than the eye is high enough
+
+
 @given(
     grade=st.floats(0.0, 5.0),
     more=st.floats(0.0, 2.0),
     kind=st.sampled_from(["fog", "night", "rain", "snow"]),
     fog=st.floats(0.0, 5.0),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_sight_never_grows_with_the_grade(grade, more, kind, fog):
     worse = min(grade + more, 5.0)
     assert sight(of(kind, worse), of("fog", fog))[0] <= sight(of(kind, grade), of("fog", fog))[0] + 0.05
@@ -176,6 +229,40 @@ def test_beyond_the_sight_in_fog_paint_changes_hardly_a_pixel_and_within_it_does
     end_m = 10.0 + sight(of("fog", 5)).distance_m
     assert changed_by_a_zebra(end_m, of("fog", 5)) <= 0.08 * changed_by_a_zebra(end_m)
     assert changed_by_a_zebra(10.0 + (end_m - 10.0) / 2, of("fog", 5)) > 10
+
+
+def test_beyond_a_crest_paint_changes_no_pixel_and_before_it_does():
+    hill = crest(500.0, at_m=20.0)
+    end_m = 30.0 + sight(on=road(elevation=hill), station_m=30.0).distance_m
+    frames = [
+        Renderer(road(*marks, elevation=hill), CAMERA, seed=3).render(
+            30.0, 0.0, 0.0, t_s=1.0, station_m=30.0, light=Light(noise=0)
+        )
+        for marks in ([], [stop_line(end_m + 2.0)], [stop_line(end_m - 18.0)])
+    ]
+    assert np.array_equal(frames[0], frames[1])
+    assert not np.array_equal(frames[0], frames[2])
+
+
+@pytest.mark.parametrize("kind", list(WallKind))
+def test_behind_a_wall_paint_changes_no_pixel_and_before_it_does(kind):
+    arc = (Segment(length_m=180, curvature_1pm=1 / 60),)
+    wall = Wall(kind=kind, side="left", from_m=0, to_m=180, distance_m=0.8, height_m=2.4)
+    plain = road(segments=arc, walls=(wall,))
+    end_m = 20.0 + sight(on=plain, station_m=20.0).distance_m
+    pose = (*plain.position(20.0, 0.0), plain.heading_at(20.0))
+    frames = [
+        Renderer(road(*marks, segments=arc, walls=(wall,)), CAMERA, seed=3).render(
+            *pose, t_s=1.0, station_m=20.0, light=Light(noise=0)
+        )
+        for marks in ([], [stop_line(end_m + 6.0)], [stop_line(end_m - 6.0)])
+    ]
+    assert np.array_equal(frames[0], frames[1])
+    assert not np.array_equal(frames[0], frames[2])
+
+
+def stop_line(at_m: float) -> RoadMark:
+    return RoadMark(kind="stop_line", at_m=at_m, length_m=4.0)
 
 
 def arrow(at_m: float) -> RoadMark:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from sim_harness.world.render.scene.cover import camera_at
 from sim_harness.world.render.scene.painter import SHIFT, Pixels
 from sim_harness.world.render.scene.vehicles import outline
 from sim_harness.world.render.scene.view import Shot, View, in_colour, polygon
@@ -24,15 +25,19 @@ STREAK_LIGHT = 0.8
 
 def distances(view: View, shot: Shot) -> Floats:
     """Distance from the lens to the visible surface, (rows, columns) [m]."""
-    shapes = [(pose, outline(view.camera, body, pose), body) for pose, body in shot.vehicles]
+    still = view.distance_m if shot.surface_m is None else shot.surface_m
+    shapes = [
+        (pose, outline(camera_at(view.camera, shot.relief, *pose[:2]), body, pose), body)
+        for pose, body in shot.vehicles
+    ]
     if all(shape is None for _, shape, _ in shapes):
-        return view.distance_m
-    distance = view.distance_m.copy()
+        return still
+    distance = still.copy()
     for pose, shape, body in shapes:  # from far to near
         if shape is not None:
             reach = math.hypot(pose[0] + body.rear_m - view.camera.x_m, pose[1])
             cv2.fillConvexPoly(distance, shape, reach, cv2.LINE_8, SHIFT)
-    return distance
+    return distance if shot.surface_m is None else np.minimum(distance, still)
 
 
 def through_air(light: Floats, distance_m: Floats, extinction_1pm: float, airlight: float) -> Floats:

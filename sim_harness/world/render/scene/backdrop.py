@@ -42,6 +42,12 @@ class Backdrop:
         if self.rows:
             image[: self.rows] = self._ahead(self._columns, self._rows, yaw_rad)
 
+    def draw_from(self, image: Image, yaw_rad: float, horizon_row: float) -> None:
+        """Fill ``image`` (BGRA) with the panorama, for a camera whose horizon lies in ``horizon_row``."""
+        columns, v = self._everywhere
+        rows = (v - horizon_row + HEIGHT - BELOW).astype(np.float32)
+        image[:] = self._ahead(columns, rows, yaw_rad)
+
     def mirrored(self, yaw_rad: float) -> Image:
         """The backdrop mirrored below the horizon as in still water, BGR, black above."""
         below = self._ahead(*self._mirror, yaw_rad)
@@ -55,6 +61,10 @@ class Backdrop:
         border = cv2.BORDER_REPLICATE
         image = cv2.remap(self._twice_around, columns + ahead, rows, cv2.INTER_LINEAR, borderMode=border)
         return np.asarray(image, np.uint8)
+
+    @cached_property
+    def _everywhere(self) -> tuple[Floats, NDArray[np.int_]]:
+        return _panorama_columns(self._camera, 0, self._camera.height_px)
 
     @cached_property
     def _mirror(self) -> tuple[Floats, Floats]:

@@ -5,11 +5,12 @@ import math
 import cv2
 import numpy as np
 
+from sim_harness.world.render.scene.cover import SLACK_M, camera_at
 from sim_harness.world.render.scene.painter import SHIFT
 from sim_harness.world.render.scene.vehicles import outline
-from sim_harness.world.render.scene.view import Shot, View, in_colour
+from sim_harness.world.render.scene.view import SKY_M, Shot, View, in_colour
 from sim_harness.world.roads.disturbance_table import Night, at
-from trepid.types import Floats
+from trepid.types import Array, Floats
 
 LAMP_AHEAD_M, LAMP_SIDE_M, LAMP_UP_M = 1.0, 0.55, 0.65  # from the camera, from the middle, above the road
 AXIS_M = 10.0  # distance at which the beam has brightness 1
@@ -33,22 +34,31 @@ class Headlights:
 
     def __init__(self, view: View) -> None:
         self._view = view
-        camera = view.camera
+        self._ground = np.where(view.rays[2] < 0, self._on(view.distance_m), 0).astype(np.float32)
+
+    def _on(self, distance_m: Floats) -> Floats:
+        """Illuminance of a surface this far away along each ray."""
+        camera = self._view.camera
         origin = np.array([camera.x_m, camera.y_m, camera.height_m])
-        points = view.rays * view.distance_m + origin[:, None, None].astype(np.float32)
-        ground = beams(points[0] - camera.x_m, points[1], points[2])
-        self._ground = np.where(view.rays[2] < 0, ground, 0).astype(np.float32)
+        points = self._view.rays * distance_m + origin[:, None, None].astype(np.float32)
+        return beams(points[0] - camera.x_m, points[1], points[2])
 
     def light(self, scene: Floats, shot: Shot, settings: Night, grade: float) -> Floats:
         """``scene`` by night: the ambient light and the beams, whose illuminance falls with 1/distance²."""
         ambient, lamp = at(settings.ambient, grade), at(settings.headlight, grade)
-        thrown_on = self._ground * np.float32(lamp)
+        still_m = shot.surface_m
+        ground = self._ground if still_m is None else np.where(still_m < SKY_M, self._on(still_m), 0)
+        thrown_on = ground * np.float32(lamp)
         for pose, body in shot.vehicles:
-            shape = outline(self._view.camera, body, pose)
+            shape = outline(camera_at(self._view.camera, shot.relief, *pose[:2]), body, pose)
             if shape is not None:
+                before = None if still_m is None else thrown_on.copy()
                 place = np.array([pose[0] + body.rear_m - self._view.camera.x_m, pose[1], 0.5], np.float32)
                 near = lamp * float(beams(*place[:, None])[0])
                 cv2.fillConvexPoly(thrown_on, shape, near, cv2.LINE_8, SHIFT)
+                if before is not None and still_m is not None:
+                    hidden = still_m < math.hypot(float(place[0]), pose[1]) - SLACK_M
+                    thrown_on[hidden] = before[hidden]
         sky = np.where(self._view.rays[2] > 0, np.float32(SKY_SHARE), np.float32(1))
         dusk = min(4 * (1 - ambient), 1.0)
         day = np.array(NIGHT_BGR, np.float32) * dusk + (1 - dusk)
@@ -65,12 +75,21 @@ class Headlights:
                 place = (
                     x + body.rear_m * math.cos(yaw) - across * math.sin(yaw),
                     y + body.rear_m * math.sin(yaw) + across * math.cos(yaw),
-                    0.77,
+                    0.77 + (0.0 if shot.relief is None else shot.relief.lift_at(x, y)),
                 )
                 pixel, depth = self._view.pixels(np.array([place]))
-                if depth[0] > 1.0 and math.cos(yaw) > 0:
+                if depth[0] > 1.0 and math.cos(yaw) > 0 and not _is_hidden(shot, pixel[0], float(depth[0])):
                     _glow(light, pixel[0], 0.12 * self._view.camera.fx_px / depth[0], share)
         return light
+
+
+def _is_hidden(shot: Shot, pixel: Array, depth_m: float) -> bool:
+    """Whether a wall or a crest hides a place."""
+    if shot.surface_m is None:
+        return False
+    rows, columns = shot.surface_m.shape
+    u, v = round(float(pixel[0])), round(float(pixel[1]))
+    return 0 <= v < rows and 0 <= u < columns and bool(shot.surface_m[v, u] < depth_m - SLACK_M)
 
 
 def beams(ahead_m: Floats, left_m: Floats, up_m: Floats) -> Floats:

@@ -95,7 +95,7 @@ def _lit(
             daylight = math.exp((reach_m - mouth_m) / MOUTH_REACH_M)
             shade[there > 0] = inside + FALLEN_IN * (1 - inside) * daylight
     road = np.zeros(wall.shape, np.uint8)
-    edges = carriageway(view.camera, shot, inset_m=0.2)
+    edges = carriageway(view, shot, inset_m=0.2)
     if edges is not None:
         cv2.fillPoly(road, [edges], 1, cv2.LINE_8, SHIFT)
     out = light.copy()

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from sim_harness.world.render.scene.painter import SHIFT, Pixels, Pose
+from sim_harness.world.render.scene.relief import Relief
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
@@ -88,6 +89,8 @@ class Shot:
     vehicles: tuple[tuple[Pose, Body], ...]  # poses in vehicle axes, from far to near
     sun_bearing_rad: float  # left of the camera's axis
     seed: int
+    relief: Relief | None = None  # None: the ground is flat
+    surface_m: Floats | None = None  # from the lens to ground and walls; None: flat and without walls
 
     @property
     def frame(self) -> int:

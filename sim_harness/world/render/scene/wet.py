@@ -7,10 +7,10 @@ import numpy as np
 
 from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.scene.backdrop import MIRROR_MARGIN_PX, Backdrop
+from sim_harness.world.render.scene.cover import camera_at
 from sim_harness.world.render.scene.painter import SHIFT, Pixels
 from sim_harness.world.render.scene.vehicles import draw_lead
 from sim_harness.world.render.scene.view import AHEAD_M, Shot, View, in_colour, light_of, polygon
-from trepid.car.camera import Camera
 from trepid.types import Floats
 
 PUDDLE_PX, PUDDLE_M = 256, 0.2  # period and pixel size of the pattern of puddles
@@ -33,7 +33,8 @@ class WetRoad:
         share = self._view.fresnel * self._shine(shot, wet)
         mirrored = self._backdrop.mirrored(shot.pose[2])
         for pose, body in shot.vehicles:
-            draw_lead(mirrored, self._view.camera, body, pose, mirrored=True)
+            camera = camera_at(self._view.camera, shot.relief, *pose[:2])
+            draw_lead(mirrored, camera, body, pose, mirrored=True)
         size = self._view.camera.fy_px
         rows = slice(max(self._backdrop.rows - MIRROR_MARGIN_PX, 0), None)
         reflected, blur_px = light_of(mirrored[rows]), (ROUGH_PX[0] * size, ROUGH_PX[1] * size)
@@ -45,7 +46,7 @@ class WetRoad:
     def _shine(self, shot: Shot, wet: float) -> Floats:
         """Reflectance of each pixel of the carriageway relative to still water, (rows, columns)."""
         mask = np.zeros(self._ground.shape, np.uint8)
-        outline = carriageway(self._view.camera, shot)
+        outline = carriageway(self._view, shot)
         if outline is not None:
             cv2.fillPoly(mask, [outline], 255, cv2.LINE_AA, SHIFT)
         x, y, yaw = shot.pose
@@ -59,9 +60,9 @@ class WetRoad:
         return np.asarray(film * mask * self._ground / np.float32(255), np.float32)
 
 
-def carriageway(camera: Camera, shot: Shot, *, inset_m: float = 0.0) -> Pixels | None:
+def carriageway(view: View, shot: Shot, *, inset_m: float = 0.0) -> Pixels | None:
     """Fixed-point outline of the carriageway ahead in the image; None when it is out of view."""
-    section = shot.road.section_at(shot.station_m)
+    camera, section = view.camera, shot.road.section_at(shot.station_m)
     half = shot.road.width_at(shot.station_m) / 2
     sides = []
     left = (1, section.lanes_to_the_left, section.paved_left_m)
@@ -71,6 +72,9 @@ def carriageway(camera: Camera, shot: Shot, *, inset_m: float = 0.0) -> Pixels |
         across = half + paved - inset_m + sum(widths)
         points = shot.along(sign * across, AHEAD_M)
         pixels = camera.pixel_from_road(points)
+        if shot.relief is not None:
+            lift_m = [shot.relief.lift_at(*point) for point in points]
+            pixels = view.pixels(np.column_stack([points, lift_m]))[0]
         sides.append(pixels[(points[:, 0] > camera.x_m + 0.4) & np.isfinite(pixels).all(axis=1)])
     outline = np.concatenate([sides[0], sides[1][::-1]])
     return polygon(outline) if len(outline) > 3 else None
