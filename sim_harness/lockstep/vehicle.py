@@ -161,23 +161,15 @@ class SimulatedVehicle:
         if self._ticks <= 0:
             self._run_up()
         else:
-            self._pose = self._plant.step(self._pose, self._on_the_grade(applied), period_s)
+            self._pose = self._plant.step(
+                self._pose, pulled(applied, self.road.grade_at(self._place.station_m)), period_s
+            )
             near_m = self._place.station_m + self._pose.speed_mps * period_s
             self._place = locate(self.road, self._pose, near_m)
             if self._referee.must_recentre(self._pose, self._place):
                 self._place = Place(self._place.station_m, 0.0, 0.0)
                 self._pose = self._recentred(self._pose, self._place)
         self._touch()
-
-    def _on_the_grade(self, applied: Command) -> Command:
-        """``applied`` with the part of the weight that acts along the road, -g·sin(atan(grade)).
-
-        The drive follows both with its lag. On a hill the car is held: at rest it does not roll backwards.
-        """
-        if self.road.elevation is None:
-            return applied
-        pull_mps2 = -GRAVITY_MPS2 * math.sin(math.atan(self.road.grade_at(self._place.station_m)))
-        return replace(applied, accel_mps2=applied.accel_mps2 + pull_mps2)
 
     def _touch(self) -> None:
         """Count contacts; a vehicle ahead in contact limits the speed to its own, a person or animal does not."""
@@ -283,3 +275,13 @@ class SimulatedVehicle:
             user_yaw_rad=users.yaw_rad,
             user_speed_mps=users.speed_mps,
         )
+
+
+def pulled(command: Command, grade: float) -> Command:
+    """``command`` with the part of the weight that acts along the road, -g·sin(atan(grade)).
+
+    The drive follows both with its lag. The car is held on a hill: at rest it does not roll backwards.
+    """
+    if grade == 0.0:
+        return command
+    return replace(command, accel_mps2=command.accel_mps2 - GRAVITY_MPS2 * math.sin(math.atan(grade)))
