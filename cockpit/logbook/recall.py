@@ -15,7 +15,14 @@ import numpy as np
 
 from supervisor.rules.inference import FearRules
 from trepid.config import InputError, default_file
-from trepid.messages import CompressedFrame, Decision, Diagnostic, SteeringEstimate, VehicleState
+from trepid.messages import (
+    CompressedFrame,
+    Decision,
+    Diagnostic,
+    ImageStatistics,
+    SteeringEstimate,
+    VehicleState,
+)
 from trepid.recording.notes import RULES, RULES_FROM_S
 from trepid.recording.reader import Recorded, Series, read_recording, read_series
 from trepid.recording.writer import rules_name
@@ -25,6 +32,7 @@ from trepid.topics import (
     COMMAND,
     DECISION,
     DIAGNOSTICS,
+    IMAGE_STATISTICS,
     VEHICLE_STATE,
     Topic,
     estimate_topic,
@@ -35,7 +43,10 @@ from trepid.wire import VEHICLE_FRAME, WireError
 P = ParamSpec("P")
 A = TypeVar("A")
 RULES_NAME = "fear.yaml"
-_KEYS = (DECISION.key, VEHICLE_STATE.key, COMMAND.key, estimate_topic("*").key, DIAGNOSTICS.key)
+_KEYS = (
+    *(topic.key for topic in (DECISION, VEHICLE_STATE, COMMAND, DIAGNOSTICS, IMAGE_STATISTICS)),
+    estimate_topic("*").key,
+)
 _FRAME_WITHIN_S = 1.0  # greatest age of the camera image of a decision
 TAIL = struct.Struct("<dd")  # speed_factor and speed_cap_mps, with which the bytes of a decision end
 LEAST_BYTES = 200  # of a decision
@@ -119,6 +130,10 @@ class Recall:
     def state_at(self, index: int) -> VehicleState | None:
         """The newest report of the vehicle when decision ``index`` was made."""
         return self._newest(VEHICLE_STATE, index)
+
+    def statistics_at(self, index: int) -> ImageStatistics | None:
+        """The newest statistics of the image when decision ``index`` was made."""
+        return self._newest(IMAGE_STATISTICS, index)
 
     def estimates_at(self, index: int) -> dict[str, SteeringEstimate]:
         """The newest estimate of every estimator that had one when decision ``index`` was made."""

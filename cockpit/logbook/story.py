@@ -96,8 +96,17 @@ def _moment(drive: Recall, index: int) -> Story:
         "rules": _rules(drive, decision),
         "inputs": _inputs(drive, decision),
         "repeats": drive.repeats(index),
+        "sight": _sight(drive, index),
         "estimates": _estimates(drive, index),
     }
+
+
+def _sight(drive: Recall, index: int) -> Story | None:
+    """How far the image showed lane and ground; None where it did not say."""
+    statistics = drive.statistics_at(index)
+    if statistics is None or statistics.sight_m is None:
+        return None
+    return _fields(statistics, "sight_m", "sight_sigma_m", "sight_cause")
 
 
 def _calm(drive: Recall, at_s: float) -> Story:

@@ -58,6 +58,7 @@ def _calm(story: Story) -> Iterator[str]:
         f" {_cause(story)}; speed {speed}, {_allowed(story)}."
     )
     yield from _waiting(story)
+    yield _sight(story)
     yield from _rules(story, story["rules"])
     yield from _rise(story)
     yield from _estimates(story)
@@ -68,6 +69,15 @@ def _waiting(story: Story) -> Iterator[str]:
     """What a car that stood, or braked to standstill, waited for."""
     if story["waits_for"]:
         yield f"The car said: {story['waits_for']}."
+
+
+def _sight(story: Story) -> str:
+    """How far the camera saw, and what ended its sight."""
+    sight = story["sight"]
+    if sight is None:
+        return "The image did not say how far the camera sees."
+    by = f": {sight['sight_cause']}" if sight["sight_cause"] else ""
+    return f"The camera sees {sight['sight_m']:.0f} m{by}."
 
 
 def _cause(moment: Story) -> str:
@@ -107,6 +117,7 @@ def _by_supervisor(story: Story) -> Iterator[str]:
     yield _course(story)
     yield _reason(story)
     yield from _waiting(story)
+    yield _sight(story)
     yield from _rules(story, [rule for rule in story["rules"] if rule["adds"] > 0])
     yield from _estimates(story)
     yield from _timeline(story)

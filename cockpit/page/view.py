@@ -159,6 +159,8 @@ def _decision(decision: Decision) -> dict[str, Any]:
         "inputs": dict(zip(decision.inputs, decision.input_values, strict=False)),
         "cap": decision.speed_cap_mps,
         "source": decision.path_source,
+        "sight": decision.sight_m,
+        "sight_cause": decision.sight_cause,
         "error": decision.lateral_offset_m,
     }
 

@@ -22,12 +22,11 @@ from trepid.car.camera import Camera
 from trepid.types import Array, Image
 
 BLOCK_PX = (8, 16)  # rows and columns over which the noise is averaged
-EVEN_SHARE = 0.25  # quantile of the blocks: texture of the ground adds to the others
+EVEN_SHARE = 0.5  # quantile of the blocks: structures of the ground add to the others
 # Second differences of white noise deviate √6 times as much; the mean of their size is √(2/π) of that.
 SIGMA_OF_MEAN = math.sqrt(math.pi / 2) / math.sqrt(6)
-DAYLIGHT = (
-    0.25  # linear light that lamps do not give ground, nor dusk the sky: half of white on the grey scale
-)
+LAMPLIGHT = 0.5  # most linear light that the lamps of a car give bright concrete
+DUSK_SKY = 0.25  # most linear light of the sky at dusk: half of white on the grey scale
 DIM = 0.06  # linear light of ground: a quarter of white on the grey scale
 LANE_HALF_M = 2.0  # of the ground whose light counts
 
@@ -58,9 +57,9 @@ def lighting(ground: Ground, sky: Sky | None) -> Lighting:
     """The lighting of ``ground`` under ``sky``."""
     near = ground.near
     level = float(near.mean()) if len(near) else 0.0
-    if sky is not None and sky.brightest < level < DAYLIGHT:
+    if sky is not None and sky.brightest < level < LAMPLIGHT:
         return Lighting.LAMPS
-    is_dim = level < DIM and (sky is None or sky.brightest < DAYLIGHT)
+    is_dim = level < DIM and (sky is None or sky.brightest < DUSK_SKY)
     return Lighting.DUSK if is_dim else Lighting.DAY
 
 

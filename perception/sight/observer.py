@@ -100,7 +100,7 @@ class SightObserver:
             distance_m = lost_m + camera.x_m
             ends.append(Sight(distance_m, distance_m * settings.dark.model_sigma, Cause.DARK))
         beside_m = math.inf if not sure else _beside_m(camera, path, settings.strip.near_m)
-        if beside_m < settings.reach_m:
+        if beside_m <= settings.strip.path_known_m:
             ends.append(Sight(beside_m, beside_m * settings.reach_sigma, ""))
         return ends
 

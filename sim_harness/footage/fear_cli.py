@@ -50,7 +50,7 @@ COLUMNS = (
     "cause",
     "mode",
     "path",
-)  # then estimators, and the leader
+)  # then estimators, the leader and the sight
 NO_DETECTOR = (
     "vehicles ahead are left out: the embedded detector is trained on drawn vehicles; `trepid detector list` prints"
     " others for --detector or config/lead.yaml"
@@ -138,8 +138,8 @@ def estimate_with_fear(
     if as_json:
         print_json(map(as_row, found))
     else:
-        columns = (*COLUMNS, *map(name_of, names), "lead m")
-        print_table(columns, {"file", "level", "cause", "mode", "path"}, map(_cells, found))
+        columns = (*COLUMNS, *map(name_of, names), "lead m", "sight m", "by")
+        print_table(columns, {"file", "level", "cause", "mode", "path", "by"}, map(_cells, found))
 
 
 def fear_results(
@@ -227,6 +227,9 @@ def as_row(one: FrameResult[Onlooked]) -> dict[str, Any]:
         "trust": list(decision.trust),
         "disagreement_mps2": decision.disagreement_mps2,
         "lead_distance_m": seen.lead.distance_m if seen.lead else None,
+        "sight_m": seen.statistics.sight_m,
+        "sight_sigma_m": seen.statistics.sight_sigma_m,
+        "sight_cause": seen.statistics.sight_cause,
         "latency_ms": one.latency_ms,
         "estimates": {
             name: estimate_fields(found, found.latency_ms) for name, found in seen.estimates.items()
@@ -247,4 +250,6 @@ def _cells(one: FrameResult[Onlooked]) -> list[str]:
         decision.path_source,
         *(f"{found.confidence:.2f}" for found in seen.estimates.values()),
         number(seen.lead.distance_m if seen.lead else None, "{:.0f}"),
+        number(seen.statistics.sight_m, "{:.0f}"),
+        seen.statistics.sight_cause,
     ]

@@ -28,7 +28,7 @@ from sim_harness.footage.resimulation import LATENCY_S, RUN_UP_S
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle, road_wheel_angle
-from trepid.messages import Decision, Frame, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.messages import Decision, Frame, ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.types import Array, Image
 
 YAW_WIDTH_PX = 640  # the yaw rate is measured in images of at most this width
@@ -51,6 +51,7 @@ class Onlooked:
     """What the stack makes of one frame."""
 
     estimates: Mapping[str, SteeringEstimate]
+    statistics: ImageStatistics
     lead: LeadVehicle | None  # None: no detector runs
     decision: Decision
 
@@ -89,7 +90,7 @@ class Onlooker:
         lead = self._finder.step(frame, state, found.values(), now_s=t_s) if self._finder else None
         decision = self._supervisor.step(found, statistics, lead, state, now_s=t_s + LATENCY_S)
         shown = {name: outlined(one, self._camera, self._vehicle) for name, one in found.items()}
-        return Onlooked(shown, lead, decision)
+        return Onlooked(shown, statistics, lead, decision)
 
 
 class Recorded:

@@ -30,7 +30,8 @@ export class Panels {
   nothing(why) {
     this.mode("NONE", "NO DATA", why);
     this.fear(null);
-    for (const id of ["speed", "cap"]) put(id, "–");
+    for (const id of ["speed", "cap", "sight"]) put(id, "–");
+    put("sight-cause", "");
   }
 
   show(state) {
@@ -39,6 +40,8 @@ export class Panels {
     put("says", state.says);
     put("speed", number(state.speed, 1));
     put("cap", number(decision?.cap, 1));
+    put("sight", number(decision?.sight, 0));
+    put("sight-cause", words(decision?.sight_cause ?? ""));
     put("driven", number(state.driven, 0));
     put("source", decision?.source ?? "none");
     if (state.held || (state.stopping && !state.stop_undelivered)) this.mode("STOP", "STOP", state.held ? state.holding : "stop button pressed");

@@ -165,3 +165,11 @@ def test_the_verb_answers_a_calm_moment_and_draws_it(drives: dict[str, Path], tm
 def test_the_picture_of_a_calm_moment_names_the_allowed_speed(calm: Recall) -> None:
     _, panel = moment_figure(calm, story(calm, 0.8)).axes
     assert panel.texts[1].get_text() == f"allowed {story(calm, 0.8)['speed_cap_mps']:.1f} m/s"
+
+
+def test_the_answer_says_how_far_the_camera_sees_and_what_ends_its_sight(tmp_path: Path) -> None:
+    scenario = load_scenario("straight", {"duration_s": "1", "disturbances": "[{kind: fog, grade: 4}]"})
+    drive = recall(recorded(tmp_path / "fog.mcap", scenario))
+    found = story(drive, 0.9)
+    assert found["sight"]["sight_cause"] == "fog" and 35 < found["sight"]["sight_m"] < 60
+    assert f"The camera sees {found['sight']['sight_m']:.0f} m: fog." in story_text(found)

@@ -90,8 +90,8 @@ def test_more_noise_by_night_never_lengthens_the_sight() -> None:
     assert len(distances) == 4 and distances == sorted(distances, reverse=True)
 
 
-@pytest.mark.parametrize("radius_m", [-60.0, -30.0, 30.0, 60.0])
-def test_a_bend_is_seen_up_to_the_side_of_the_image(radius_m: float) -> None:
+@pytest.mark.parametrize("radius_m", [-18.0, -12.0, 12.0, 18.0])
+def test_a_tight_bend_is_seen_up_to_the_side_of_the_image(radius_m: float) -> None:
     image = with_trees(misty(5000.0))
     sight = seen_in(image, lane=arc(1 / radius_m))
     # From the lens, x_m ahead of the axle, the arc is seen under the angle of the side of the image.
@@ -104,6 +104,12 @@ def test_a_bend_is_seen_up_to_the_side_of_the_image(radius_m: float) -> None:
     assert sight.distance_m == pytest.approx(expected_m, abs=3.0)
     doubtful = seen_in(image, lane=arc(1 / radius_m, confidence=0.2))
     assert doubtful is not None and doubtful.distance_m == pytest.approx(SETTINGS.reach_m)
+
+
+@pytest.mark.parametrize("radius_m", [-60.0, 60.0])
+def test_a_bend_that_may_end_before_it_leaves_the_image_takes_no_sight(radius_m: float) -> None:
+    sight = seen_in(with_trees(misty(5000.0)), lane=arc(1 / radius_m))
+    assert sight is not None and sight.distance_m == pytest.approx(SETTINGS.reach_m)
 
 
 @given(
