@@ -73,7 +73,7 @@ def table(found: "list[State]") -> "Table":
     made = Table(box=None, pad_edge=False)
     for name, heading in COLUMNS.items():
         if name == "message":
-            made.add_column(heading, min_width=MESSAGE_WIDTH)
+            made.add_column(heading, min_width=MESSAGE_WIDTH, overflow="fold")
         else:
             made.add_column(heading, justify="left" if name == "name" else "right", no_wrap=True)
     for state in found:

@@ -11,6 +11,8 @@ from sim_harness.scenarios.events import with_events
 from sim_harness.scenarios.scenario import Scenario
 from trepid.processes.launch import Fleet
 
+DRIVEN_M = 0.5  # a car that went less far did not drive
+
 
 def evaluated(
     log: DriveLog,
@@ -30,21 +32,24 @@ def evaluated(
     row: dict[str, Any] = {"scenario": scenario.name if scenario else None, "seed": seed}
     if scenario is None:
         scores = log.tally.row() | {"realtime_factor": None, "trace_sha256": None}
-        return row | _judged(problems, notes, scores) | _processes(log, fleet)
+        return row | _judged(log, problems, notes, scores) | _processes(log, fleet)
     trace = _trace(log, scenario)
     if len(trace) < 2:
-        return row | _judged(problems or ["no samples were recorded"], notes, {})
+        return row | _judged(log, problems or ["no samples were recorded"], notes, {})
     metrics = measure(trace)
     scores = asdict(metrics) | {
         "realtime_factor": round(metrics.duration_s / elapsed_s, 3),
         "trace_sha256": trace.sha256,
     }
     reasons = [*problems, *judge(scenario.expect, metrics, trace)]
-    return row | _judged(reasons, notes, scores) | _processes(log, fleet)
+    return row | _judged(log, reasons, notes, scores) | _processes(log, fleet)
 
 
-def _judged(reasons: list[str], notes: list[str], scores: dict[str, Any]) -> dict[str, Any]:
+def _judged(log: DriveLog, reasons: list[str], notes: list[str], scores: dict[str, Any]) -> dict[str, Any]:
+    """The judgement; of a car that never drove a note says what it waited for."""
     status = "failed" if reasons else "passed"
+    if log.waits_for and (scores.get("distance_m") or 0.0) < DRIVEN_M:
+        notes = [*notes, f"the car did not drive: {log.waits_for}"]
     return {"status": status, "reasons": list(reasons), "notes": notes, **scores}
 
 

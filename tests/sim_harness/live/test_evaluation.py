@@ -1,0 +1,50 @@
+"""The summary of a live drive: what a car that did not drive waited for."""
+
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from message_rig import decision
+
+from sim_harness.live.drive_log import DriveLog
+from sim_harness.live.evaluation import evaluated
+from trepid.bus import free_endpoint, open_bus
+from trepid.messages import Diagnostic, Health, VehicleState
+from trepid.topics import DECISION, DIAGNOSTICS, VEHICLE_STATE
+from vehicle.driver.stop_button import STOPPED
+
+WAITS = "starting: waits for the estimate of cnn (none for 3.1 s)"
+
+
+def summary_of(*, waits_for: str, said: str = "", speed_mps: float = 0.0) -> dict[str, Any]:
+    """The row of a drive of 2 s without simulator in which the vehicle process ``said`` this."""
+    with open_bus("car", time.monotonic, listen=free_endpoint()) as bus:
+        log = DriveLog(bus, time.monotonic, ())
+        state, beat = bus.publisher(VEHICLE_STATE), bus.publisher(DIAGNOSTICS)
+        bus.publisher(DECISION)(decision(waits_for=waits_for))
+        beat(Diagnostic(t_s=0.0, process="vehicle", health=Health.WARN, message=said, values=()))
+        for t_s in (0.0, 1.0, 2.0):
+            state(
+                VehicleState(
+                    t_s=t_s,
+                    speed_mps=speed_mps,
+                    road_wheel_angle_rad=0.0,
+                    yaw_rate_radps=0.0,
+                    driver_override=False,
+                )
+            )
+        log.receive(timeout_s=0.0)
+        fleet: Any = SimpleNamespace(children={})
+        return evaluated(log, fleet, None, seed=0, elapsed_s=2.0, problems=[], notes=["a note"])
+
+
+@pytest.mark.parametrize(("said", "waits_for"), [("", WAITS), (STOPPED, STOPPED)])
+def test_a_car_that_did_not_drive_says_why_and_the_stop_button_comes_first(said: str, waits_for: str) -> None:
+    row = summary_of(waits_for=WAITS, said=said)
+    assert (row["waits_for"], row["notes"]) == (waits_for, ["a note", f"the car did not drive: {waits_for}"])
+
+
+def test_a_car_that_drove_or_may_drive_has_no_such_note() -> None:
+    assert summary_of(waits_for=WAITS, speed_mps=5.0)["notes"] == ["a note"]
+    assert summary_of(waits_for="")["notes"] == ["a note"]
