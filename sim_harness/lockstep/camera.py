@@ -1,7 +1,8 @@
 """The simulated camera as a node: truth in, frame out, with the camera faults of the scenario."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateF
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
+from sim_harness.world.render.scene.people import Figure
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import STILL, Motion
 from sim_harness.world.sight_truth import SightDistance, SightTruth
@@ -34,6 +36,7 @@ class SimulatedCamera:
         """Without a ``renderer`` shots have no frames, without ``sight_truth`` no sight."""
         self._faults = scenario.faults
         self._bodies = [vehicle.body for vehicle in scenario.traffic]
+        self._figures = [user.figure for user in scenario.road_users]
         self._renderer, self._sight_truth = renderer, sight_truth
         self._last: Image | None = None
         self._underway: list[tuple[float, Shot]] = []  # time of arrival
@@ -71,7 +74,7 @@ class SimulatedCamera:
             truth.yaw_rad,
             station_m=truth.station_m,
             t_s=truth.t_s,
-            vehicles=others(truth, self._bodies),
+            vehicles=[*others(truth, self._bodies), *people(truth, self._figures, seed=renderer.seed)],
             motion=own_motion(truth),
         )
         if any(isinstance(fault, BlackFrames) for fault in faults):
@@ -84,6 +87,21 @@ def others(truth: SimTruth, bodies: Sequence[Body]) -> list[tuple[Pose, Body]]:
     """Poses and bodies of the other vehicles."""
     poses = zip(truth.traffic_x_m, truth.traffic_y_m, truth.traffic_yaw_rad, strict=True)
     return list(zip(poses, bodies, strict=True))
+
+
+def people(truth: SimTruth, figures: Sequence[Figure], *, seed: int) -> list[tuple[Pose, Figure]]:
+    """Poses and figures of the road users, of different looks, in the step of the way along their heading."""
+    poses = zip(truth.user_x_m, truth.user_y_m, truth.user_yaw_rad, strict=True)
+    moving = zip(poses, truth.user_speed_mps, figures, strict=True)
+    return [
+        (pose, replace(figure, looks=100 * seed + number, speed_mps=speed_mps, walked_m=_way_m(pose)))
+        for number, (pose, speed_mps, figure) in enumerate(moving)
+    ]
+
+
+def _way_m(pose: Pose) -> float:
+    x_m, y_m, yaw_rad = pose
+    return x_m * math.cos(yaw_rad) + y_m * math.sin(yaw_rad)
 
 
 def own_motion(truth: SimTruth) -> Motion:

@@ -26,7 +26,7 @@ from sim_harness.world.render.scene.cover import behind, camera_at
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.relief import Relief
 from sim_harness.world.render.scene.things import Thing, draw_thing
-from sim_harness.world.render.scene.vehicles import Body, draw_lead
+from sim_harness.world.render.scene.vehicles import Body, Upright, draw_lead
 from sim_harness.world.render.scene.view import STILL, Motion, Shot, View
 from sim_harness.world.render.scene.walls import Walls
 from sim_harness.world.roads.appearance import Light
@@ -44,7 +44,7 @@ LIGHT_RAMP_M = 10.0  # over which the light changes between sections
 LEAD = Body()
 THINGS_WITHIN_M = 80.0  # distance within which things beside the road are drawn
 
-T = TypeVar("T", Body, Thing)
+T = TypeVar("T", Upright, Thing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,15 +113,15 @@ class Renderer:
         t_s: float,
         station_m: float | None = None,
         lead: Pose | None = None,
-        vehicles: Sequence[tuple[Pose, Body]] = (),
+        vehicles: Sequence[tuple[Pose, Upright]] = (),
         motion: Motion = STILL,
         light: Light | None = None,
     ) -> Image:
         """The frame of a vehicle with its rear axle at (x, y, yaw).
 
         ``station_m``: its station, if known; ``lead``: x, y, yaw of the rear axle of the vehicle ahead;
-        ``vehicles``: poses and bodies of others; ``motion``: of the own vehicle, for motion blur and rolling
-        shutter; ``light``: replaces that of the road's section.
+        ``vehicles``: poses and bodies of others, people and animals included; ``motion``: of the own vehicle, for
+        motion blur and rolling shutter; ``light``: replaces that of the road's section.
         """
         larger = self._enlargement
         x_m, y_m, motion = x_m * larger, y_m * larger, scaled_message(motion, larger)
@@ -131,7 +131,7 @@ class Renderer:
         pose = (x_m, y_m, yaw_rad)
         image, relief, surface_m = self._ground_and_sky(pose, station_m)
         self._paint_ahead(x_m, y_m, yaw_rad)
-        others = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
+        others: list[tuple[Pose, Upright]] = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
         shot = Shot(
             road=self._world,
             pose=pose,
@@ -176,7 +176,7 @@ class Renderer:
                 draw_thing(image, camera_at(self._eye, relief, *place[:2]), thing, place)
         return image, relief, surface_m
 
-    def _draw(self, vehicles: Sequence[tuple[Pose, Body]], image: Image, shot: Shot) -> None:
+    def _draw(self, vehicles: Sequence[tuple[Pose, Upright]], image: Image, shot: Shot) -> None:
         for pose, body in vehicles:
             with behind(image, shot.surface_m, _distance((pose, body))):
                 draw_lead(image, camera_at(self._eye, shot.relief, *pose[:2]), body, pose)

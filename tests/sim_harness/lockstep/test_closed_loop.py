@@ -28,6 +28,8 @@ LOOKAHEAD_M = 8.0
 class GreyRenderer:
     """A small noisy picture per pose: enough for the image statistics, different in every frame."""
 
+    seed = 0
+
     def render(self, x_m, y_m, yaw_rad, *, station_m, t_s, vehicles, motion):
         noise = np.random.default_rng(round(t_s * 1e3))
         return noise.integers(40, 220, (24, 32, 3), dtype=np.uint8)

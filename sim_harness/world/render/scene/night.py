@@ -7,7 +7,7 @@ import numpy as np
 
 from sim_harness.world.render.scene.cover import SLACK_M, camera_at
 from sim_harness.world.render.scene.painter import SHIFT
-from sim_harness.world.render.scene.vehicles import outline
+from sim_harness.world.render.scene.vehicles import Body, outline
 from sim_harness.world.render.scene.view import SKY_M, Shot, View, in_colour
 from sim_harness.world.roads.disturbance_table import Night, at
 from trepid.types import Array, Floats
@@ -70,7 +70,7 @@ class Headlights:
     def _tail_lamps(self, light: Floats, shot: Shot, share: float) -> Floats:
         """``light`` with red tail lamps and their halo."""
         for (x, y, yaw), body in shot.vehicles:
-            for side in (-1, 1):
+            for side in (-1, 1) if isinstance(body, Body) else ():
                 across = side * (body.width_m / 2 - 0.16)
                 place = (
                     x + body.rear_m * math.cos(yaw) - across * math.sin(yaw),

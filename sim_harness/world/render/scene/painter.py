@@ -32,6 +32,20 @@ class Painter:
         self._shift = np.array([x, y, 0.0]) - (camera.x_m, camera.y_m, camera.height_m)
         self._eye = self._turn.T @ -self._shift  # the camera in the thing's axes
 
+    @property
+    def focal_px(self) -> float:
+        """Pixels of a length at the same depth."""
+        return self._camera.fx_px
+
+    def optical(self, points: Array) -> Array:
+        """Points of the thing (right, down, ahead) of the lens, (n, 3)."""
+        from_lens = (self._turn @ (points * self._upside).T).T + self._shift
+        return np.asarray(from_lens @ self._camera.optical_from_vehicle.T)
+
+    def pixels(self, optical: Array) -> Array:
+        """Pixels of points before the lens, (n, 2)."""
+        return np.asarray((self._camera.intrinsics[:2] @ (optical / optical[:, 2:]).T).T)
+
     def faces_rear(self, x_m: float) -> bool:
         """Whether the camera is behind the plane ``x_m`` ahead of the origin."""
         return bool(self._eye[0] < x_m)
@@ -104,10 +118,8 @@ class Painter:
 
     def project(self, corners: Array) -> Pixels:
         """Fixed-point pixels of a polygon in the thing's axes, (n, 3), clipped to the part in front of the lens."""
-        points = (self._turn @ (corners * self._upside).T).T + self._shift
-        clipped = _before(points @ self._camera.optical_from_vehicle.T, NEAR_M)
-        pixel = self._camera.intrinsics[:2] @ (clipped / clipped[:, 2:]).T
-        return np.round(np.clip(pixel.T, -MAX_PX, MAX_PX) * 2**SHIFT).astype(np.int32)
+        pixel = self.pixels(_before(self.optical(corners), NEAR_M))
+        return np.round(np.clip(pixel, -MAX_PX, MAX_PX) * 2**SHIFT).astype(np.int32)
 
 
 def _before(polygon: Array, depth_m: float) -> Array:

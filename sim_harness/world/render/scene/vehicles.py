@@ -1,4 +1,4 @@
-"""Draws vehicles as plain cars."""
+"""Draws vehicles as plain cars, and what else moves on a road."""
 
 import math
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from sim_harness.world.render.scene.painter import NEAR_M, Colour, Painter, Pixels, Pose
+from sim_harness.world.render.scene.people import Figure, draw_figure, figure_outline
 from trepid.car.camera import Camera
 from trepid.types import Image
 
@@ -26,11 +27,18 @@ class Body:
     bgr: Colour = (120, 60, 40)
 
 
-def draw_lead(image: Image, camera: Camera, body: Body, pose: Pose, *, mirrored: bool = False) -> None:
+Upright = Body | Figure
+"""A vehicle, person, cyclist or animal."""
+
+
+def draw_lead(image: Image, camera: Camera, body: Upright, pose: Pose, *, mirrored: bool = False) -> None:
     """Draw ``body`` at ``pose`` in the camera's vehicle frame into ``image``; nothing when it is behind.
 
     ``mirrored``: as the reflection on a wet road, upside down and without a shadow.
     """
+    if isinstance(body, Figure):
+        draw_figure(image, camera, body, pose, mirrored=mirrored)
+        return
     if pose[0] + math.hypot(body.front_m, body.width_m) < camera.x_m + NEAR_M:
         return
     half = body.width_m / 2
@@ -74,8 +82,10 @@ def _draw_cabin(painter: Painter, body: Body, half_m: float) -> None:
     painter.box(x, roof_half + 0.02, roof_half, (body.height_m - 0.08, body.height_m), body.bgr)
 
 
-def outline(camera: Camera, body: Body, pose: Pose) -> Pixels | None:
-    """Fixed-point convex outline of the box around a vehicle; None when it is behind the lens."""
+def outline(camera: Camera, body: Upright, pose: Pose) -> Pixels | None:
+    """Fixed-point convex outline of a figure, or of the box around a vehicle; None when it is behind the lens."""
+    if isinstance(body, Figure):
+        return figure_outline(camera, body, pose)
     painter = Painter(np.empty((0, 0, 3), np.uint8), camera, pose)
     half = body.width_m / 2
     ends = [

@@ -13,7 +13,7 @@ import numpy as np
 
 from sim_harness.world.render.scene.painter import SHIFT, Pixels, Pose
 from sim_harness.world.render.scene.relief import Relief
-from sim_harness.world.render.scene.vehicles import Body
+from sim_harness.world.render.scene.vehicles import Upright
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.types import Array, Floats, Image
@@ -86,7 +86,7 @@ class Shot:
     station_m: float
     t_s: float
     motion: Motion
-    vehicles: tuple[tuple[Pose, Body], ...]  # poses in vehicle axes, from far to near
+    vehicles: tuple[tuple[Pose, Upright], ...]  # poses in vehicle axes, from far to near
     sun_bearing_rad: float  # left of the camera's axis
     seed: int
     relief: Relief | None = None  # None: the ground is flat
