@@ -147,7 +147,23 @@ class RoadSettings(Settings):
             if wall.to_m > length_m:
                 message = f"walls.{number} ends at {wall.to_m} m, beyond the road's {length_m:.1f} m"
                 raise wrong_at(("walls", number, "to_m"), message)
+            for sign in wall.signs:
+                bend_1pm = max(sign * curvature_1pm for curvature_1pm in self._curvatures_beside(wall))
+                if bend_1pm * (self.lane_width_m / 2 + wall.distance_m) >= 1:
+                    message = (
+                        f"walls.{number} lies beyond the centre of a bend of {1 / bend_1pm:.1f} m radius"
+                    )
+                    raise wrong_at(("walls", number, "distance_m"), message)
         return self
+
+    def _curvatures_beside(self, wall: Wall) -> list[float]:
+        """The curvatures at the ends of the segments along a wall."""
+        found, start_m = [0.0], 0.0
+        for segment in self.segments:
+            if start_m < wall.to_m and start_m + segment.length_m > wall.from_m:
+                found += [segment.start_curvature_1pm, segment.end_curvature_1pm]
+            start_m += segment.length_m
+        return found
 
     @model_validator(mode="after")
     def _profile_runs_forwards(self) -> Self:

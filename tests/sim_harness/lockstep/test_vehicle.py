@@ -8,6 +8,7 @@ import pytest
 from sim_harness.lockstep.referee import locate, wheel_outside
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import Scenario, load_scenario
+from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.render.scene.vehicles import Body
 from trepid.car.vehicle import Vehicle
@@ -235,3 +236,21 @@ def test_without_a_limiter_a_command_takes_effect_as_it_is():
     limited = vehicle_on(scenario)
     command = drive(0.1, 1.0)
     assert run(bare, command, 2.0) == run(limited, command, 2.0)
+
+
+@pytest.mark.parametrize("grade", [-0.08, 0.05])
+def test_on_a_hill_the_weight_accelerates_the_vehicle_along_the_road(grade):
+    """Without a demand it is -g·sin(atan(grade)) once the lag of the drive is over."""
+    moving = dict(start=dict(speed_mps=10.0), elevation=[dict(at_m=0.0, grade=grade)])
+    _, truth = run(vehicle_on(scenario_of(**moving)), drive(0.0, 0.0), 7.0)  # 4 s of them are the run-up
+    pull_mps2 = -GRAVITY_MPS2 * grade / math.hypot(1.0, grade)
+    assert truth.longitudinal_accel_mps2 == pytest.approx(pull_mps2, abs=1e-3)
+    assert (truth.speed_mps - 10.0) * grade < 0.0
+
+
+def test_on_a_hill_a_vehicle_at_rest_stays_there_with_its_brakes_and_rolls_downhill_without():
+    downhill = dict(elevation=[dict(at_m=0.0, grade=-0.08)])
+    held, free = (run(vehicle_on(scenario_of(**downhill)), drive(0.0, a), 2.0)[1] for a in (-1.0, 0.0))
+    uphill = run(vehicle_on(scenario_of(elevation=[dict(at_m=0.0, grade=0.08)])), drive(0.0, 0.0), 2.0)[1]
+    assert held.speed_mps == uphill.speed_mps == 0.0
+    assert free.speed_mps > 1.0

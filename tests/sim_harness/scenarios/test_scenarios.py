@@ -84,6 +84,8 @@ def test_a_missing_scenario_names_the_nearest_ones_and_the_command_that_lists_al
             r"mine\.yaml:5:39: expect\.conditions\.1: .*nothing called 'black_frames' happens here",
         ),
         ("marks: [{kind: zebra, at_m: 5000}]", r"mine\.yaml:5:1: marks: .*beyond the road"),
+        ("walls: [{side: left, from_m: 5, to_m: 5000}]", r"mine\.yaml:5:1: walls: .*beyond the road"),
+        ("elevation: [{at_m: 5000, grade: 0.1}]", r"mine\.yaml:5:1: elevation: .*the road is"),
         ("road: nowhere", "no road 'nowhere'; known here: .*circuit"),
     ],
 )

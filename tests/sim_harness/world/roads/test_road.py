@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 from scipy.integrate import quad
 
 from sim_harness.world.road_file import load_road
@@ -166,3 +167,23 @@ def test_sections_out_of_order_are_refused():
         RoadSettings.model_validate(
             CIRCUIT.settings.model_dump() | {"sections": CIRCUIT.settings.sections[::-1]}
         )
+
+
+@pytest.mark.parametrize(
+    ("wall", "says"),
+    [
+        (dict(side="left", from_m=10, to_m=500), "beyond the road.s"),
+        (dict(side="left", from_m=30, to_m=10), "must end beyond its start"),
+        (
+            dict(side="left", from_m=10, to_m=40, distance_m=9.0),
+            "beyond the centre of a bend of 10.0 m radius",
+        ),
+    ],
+)
+def test_a_wall_off_the_road_backwards_or_beyond_the_centre_of_its_bend_is_refused(wall, says):
+    bend = dict(name="bend", closed=False, lane_width_m=3.4, sections=[dict(name="plain", start_m=0)])
+    segments = [dict(length_m=50, curvature_1pm=0.1)]
+    with pytest.raises(ValidationError, match=says):
+        RoadSettings.model_validate({**bend, "segments": segments, "walls": [wall]})
+    outside = {**wall, "side": "right", "from_m": 10, "to_m": 40}
+    assert RoadSettings.model_validate({**bend, "segments": segments, "walls": [outside]}).walls
