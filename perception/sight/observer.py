@@ -109,7 +109,11 @@ class SightObserver:
         if light is Lighting.DAY:
             return math.inf
         settings = self._settings.dark
-        noise = noise_grey(grey[eye.strip.first_row :], least=settings.least_noise_grey)
+        first = eye.strip.first_row
+        far = grey[
+            first : first + (len(grey) - first) // 3
+        ]  # as dark as the end of the sight: noise grows there
+        noise = noise_grey(far, least=settings.least_noise_grey)
         by_lamps = light is Lighting.LAMPS
         return dark_m(ground, eye.strip.middle_m, noise, eye.camera, settings, by_lamps=by_lamps)
 

@@ -47,6 +47,11 @@ BENCHMARKS = {
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),
     "seeds": Benchmark("seeds", "scores with known seeds and with fresh ones"),
     "perception": Benchmark("perception.bench", "every estimator on rendered clips"),
+    "sight": Benchmark(
+        "perception.sight",
+        "sight distance in fog, night, rain and snow, over crests, behind walls and trucks; on real images",
+        pictured=False,
+    ),
     "unknown-camera": Benchmark(
         "perception.unknown_camera",
         "how soon a drive measures the height, the lens and the direction of a camera without a file",

@@ -52,7 +52,7 @@ def bench(
         ),
     ] = "",
     quick: Annotated[
-        bool, typer.Option(help="perception, real, imitation, fear-severity: a part of it.")
+        bool, typer.Option(help="perception, real, imitation, fear-severity, sight: a part of it.")
     ] = False,
     repeats: Annotated[
         int | None, typer.Option(min=1, help="perception: number of passes over the clips; default: 1.")
@@ -61,7 +61,7 @@ def bench(
         int | None,
         typer.Option(
             min=1,
-            help="perception, imitation, fear-severity: processes; faults: drives at a time; default: 1.",
+            help="perception, imitation, fear-severity, sight: processes; faults: drives at a time; default: 1.",
         ),
     ] = None,
     keep_frames: Annotated[
