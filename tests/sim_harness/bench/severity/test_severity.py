@@ -66,7 +66,7 @@ def test_the_summary_counts_falls_and_wrong_causes(tmp_path: Path) -> None:
     ]
     found = summary(rows)
     fog, dirt = found[""]["fog"], found[""]["dirt"]
-    assert (fog["falls"], dirt["falls"], found["falls"]) == (1, 0, 1)
+    assert (fog["falls"], dirt["falls"], found["falls"]) == (1, 0, "1, target 0")
     assert (fog["right_cause_percent"], dirt["right_cause_percent"]) == (75.0, 100.0)
     assert fog["wrong_causes"] == "low_confidence 25 %" and dirt["wrong_causes"] is None
     assert found[DETAILS]["fog, straight, 8 m/s"] == {"grade 0": 0.0, "grade 1": 0.3, "grade 2": 0.1}
