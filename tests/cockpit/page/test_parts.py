@@ -321,3 +321,11 @@ def test_the_driver_has_the_car_only_by_a_present_state():
     assert view.state(air.now_s)["override"]
     shown = view.state(air.now_s + 2.0)
     assert (shown["override"], shown["speed"]) == (False, None)
+
+
+def test_the_banner_gets_what_a_standing_car_waits_for_and_the_words_of_the_stop_button():
+    air, _, view, _ = idle_page()
+    words = "starting: waits for the estimate of cnn (none for 3.1 s)"
+    view._feed.decisions.append(decision(t_s=air.now_s, decided_s=air.now_s, waits_for=words))
+    shown = view.state(air.now_s)
+    assert (shown["decision"]["waits"], shown["holding"]) == (words, STOPPED)
