@@ -164,6 +164,20 @@ def _loaded_models() -> Iterator[str]:
         yield "no process detects vehicles ahead"
 
 
+def people() -> Finding:
+    """Whether the car sees people, cyclists and animals. A car that does not may drive where there are none."""
+    from perception.lead.finder import REMEDY, blindness
+    from trepid.processes.settings import load_processes
+
+    try:
+        blind, _, _ = blindness(load_processes()).partition(":")
+    except InputError as error:
+        return Finding("people", False, str(error), "correct the fields at these places")
+    return Finding(
+        "people", True, blind or "people, cyclists and animals are detected", REMEDY if blind else ""
+    )
+
+
 def endpoint() -> Finding:
     """The port on which the processes of a drive meet is free; keys of all processes are there and private."""
     from trepid.processes.endpoint import usable_endpoint

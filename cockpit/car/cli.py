@@ -17,6 +17,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     checks.packages,
     checks.configuration,
     checks.models,
+    checks.people,
     devices.processes,
     devices.camera,
     devices.actuator,

@@ -35,7 +35,7 @@ from trepid.topics import (
 )
 
 SUPERVISOR, CONTROLLER, ALL = "supervisor", "controller", "all"
-NO_ESTIMATORS = frozenset({STATISTICS, LEAD, SUPERVISOR, CONTROLLER})
+NO_ESTIMATORS = frozenset({STATISTICS, LEAD, USERS, SUPERVISOR, CONTROLLER})
 """Names of the other nodes."""
 
 
@@ -100,13 +100,16 @@ def nodes_of(tape: Tape, setup: Setup) -> dict[str, Node]:
             0,
             frozenset(topic.key for topic in lanes[:1]),
         ),
-        Node(
-            LEAD,
-            LEAD_VEHICLE,
-            (*seeing, *lanes),
-            partial(_finder, names),
-            1,
-            frozenset(topic.key for topic in lanes),
+        *(
+            Node(
+                name,
+                output,
+                (*seeing, *lanes),
+                partial(_finder, names, output),
+                1,
+                frozenset(topic.key for topic in lanes),
+            )
+            for name, output in ((LEAD, LEAD_VEHICLE), (USERS, ROAD_USERS))
         ),
         Node(
             SUPERVISOR,
@@ -251,14 +254,17 @@ def _judge(names: tuple[str, ...]) -> Step:
     return step
 
 
-def _finder(names: tuple[str, ...]) -> Step:
+def _finder(names: tuple[str, ...], output: Topic[Any]) -> Step:
+    """The finder of vehicles and people, with the one ``output`` of its two."""
     from perception.lead.finder import build
 
     node = build()
     lanes = [estimate_topic(name).key for name in names]
-    return lambda inputs: node.step(
-        inputs.read[CAMERA_IMAGE.key],
-        inputs.read[VEHICLE_STATE.key],
-        [inputs.read[key] for key in lanes],
-        now_s=inputs.now_s,
-    )
+
+    def step(inputs: Inputs) -> Any:
+        read = inputs.read
+        seen = [read[key] for key in lanes]
+        lead = node.step(read[CAMERA_IMAGE.key], read[VEHICLE_STATE.key], seen, now_s=inputs.now_s)
+        return lead if output is LEAD_VEHICLE else node.road_users
+
+    return step

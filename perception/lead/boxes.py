@@ -1,28 +1,30 @@
-"""Vehicles from a box detector in an ONNX or TensorFlow Lite file.
+"""Vehicles, people, cyclists and animals from a box detector in an ONNX or TensorFlow Lite file.
 
-The lower edge of a box is where the vehicle stands on the road; the camera geometry turns it into metres
+The lower edge of a box is where it stands on the road; the camera geometry turns it into metres
  (Stein, Mano and Shashua, Vision-based ACC with a Single Camera, IEEE Intelligent Vehicles 2003).
 """
 
 import importlib.util
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from perception.lead.detection import Detection, Platt
+from perception.lead.kinds import KINDS, VEHICLE, Box, detected_kinds, standing, with_cyclists
 from perception.net.session import open_session
 from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
+from trepid.spelling import did_you_mean
 from trepid.types import Floats, Image, OpenShare
 
 Boxes = tuple[Floats, Floats]
-"""Corners (n, 4) as left, top, right, bottom in shares of the picture, and scores (n,)."""
+"""Corners (n, 4) as left, top, right, bottom in shares of the picture, and scores (n, classes)."""
 Model = Callable[[Floats], list[Floats]]
 NMS_OVERLAP = 0.5
 WIDTH_M = (1.0, 4.0)  # of vehicles: a motorcycle to a truck at an angle
@@ -30,16 +32,36 @@ FARTHEST_M = 120.0
 BONNET_SHARE = 0.95  # of the image
 
 
+def _of_vehicles(classes: Any) -> Any:
+    """The form of earlier versions, which detected vehicles only, as a mapping."""
+    return classes if isinstance(classes, Mapping) else {VEHICLE: classes}
+
+
+def _are_kinds(classes: dict[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
+    unknown = [kind for kind in classes if kind not in KINDS]
+    if unknown:
+        raise ValueError(f"unknown kind {unknown[0]!r}; {did_you_mean(unknown[0], KINDS)}")
+    if not any(classes.values()):
+        raise ValueError("no class of any kind")
+    return classes
+
+
 class BoxSettings(Settings):
     """Section ``boxes`` of ``config/lead.yaml``."""
 
     layout: Literal["ssd", "yolo"]
-    classes: Annotated[tuple[int, ...], Field(min_length=1)]
+    # kind of perception.lead.kinds -> its classes; a list is that of vehicles
+    classes: Annotated[dict[str, tuple[int, ...]], BeforeValidator(_of_vehicles), AfterValidator(_are_kinds)]
     min_score: OpenShare
     tile_share: Annotated[float, Field(gt=0, le=1)]  # 1: no second detection around the horizon
     calibration: Platt = Platt(
         bias=0.0, slope=1.0
     )  # of the scores to probabilities; these values change nothing
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds with classes."""
+        return tuple(kind for kind, classes in self.classes.items() if classes)
 
 
 class BoxDetector:
@@ -55,18 +77,33 @@ class BoxDetector:
         self._model, self._shape = readers[path.suffix](path)
         self._settings, self._camera = settings, camera
         self._decode = {"ssd": ssd_boxes, "yolo": yolo_boxes}[settings.layout]
+        self._classes = [number for classes in settings.classes.values() for number in classes]
+        self._kinds = [kind for kind, classes in settings.classes.items() for _ in classes]
+
+    @property
+    def detects(self) -> tuple[str, ...]:
+        """The kinds of road users besides vehicles that it finds at all."""
+        return detected_kinds(self._settings.kinds)
 
     def __call__(self, image: Image) -> list[Detection]:
-        """The vehicles in ``image``, in falling order of confidence."""
-        found: list[tuple[Floats, float]] = []
+        """The road users in ``image``, in falling order of confidence."""
+        found: dict[str, list[tuple[Floats, float]]] = {kind: [] for kind in self._kinds}
         for left, top, right, bottom in self._tiles():
             corners, scores = self._look(image[top:bottom, left:right])
             scale = np.array([right - left, bottom - top] * 2, np.float32)
             shift = np.array([left, top] * 2, np.float32)
-            found += zip(corners * scale + shift, scores.tolist(), strict=True)
-        kept = [found[i] for i in _suppressed(found, self._settings.min_score)]
+            for kind in found:
+                best = scores[:, [k == kind for k in self._kinds]].max(axis=1)
+                sure = best >= self._settings.min_score
+                found[kind] += zip(corners[sure] * scale + shift, best[sure].tolist(), strict=True)
         probability = self._settings.calibration
-        seen = [on_road(self._camera, corners, probability(score)) for corners, score in kept]
+        boxes = [
+            Box(kind, some[i][0], probability(some[i][1]))
+            for kind, some in found.items()
+            for i in _suppressed(some, self._settings.min_score)
+        ]
+        seen = [on_road(self._camera, b.corners, b.confidence) for b in boxes if b.kind == VEHICLE]
+        seen += [standing(self._camera, box) for box in with_cyclists(boxes)]
         return sorted(filter(None, seen), key=lambda detection: -detection.confidence)
 
     def _tiles(self) -> list[tuple[int, int, int, int]]:
@@ -90,8 +127,8 @@ class BoxDetector:
         pixels = (low + (1 - low) / 255 * colours).astype(np.float32)
         if channels_first:
             pixels = np.ascontiguousarray(pixels.transpose(0, 3, 1, 2))
-        corners, scores = self._decode(self._model(pixels), self._settings.classes, (width, height))
-        sure = scores >= self._settings.min_score
+        corners, scores = self._decode(self._model(pixels), self._classes, (width, height))
+        sure = scores.max(axis=1) >= self._settings.min_score
         return corners[sure], scores[sure]
 
 
@@ -124,7 +161,7 @@ def ssd_boxes(outputs: list[Floats], classes: Sequence[int], size: tuple[int, in
     centre = anchors[:, :2] + anchors[:, 2:] * encoded[:, :2] / 10  # y, x
     half = anchors[:, 2:] * np.exp(encoded[:, 2:] / 5) / 2
     corners = np.column_stack([(centre - half)[:, ::-1], (centre + half)[:, ::-1]]).astype(np.float32)
-    scores = 1 / (1 + np.exp(-logits[:, list(classes)].max(axis=1)))
+    scores = 1 / (1 + np.exp(-logits[:, list(classes)]))
     return corners, scores.astype(np.float32)
 
 
@@ -156,7 +193,7 @@ def yolo_boxes(outputs: list[Floats], classes: Sequence[int], size: tuple[int, i
     centre, half = table[:, :2], table[:, 2:4] / 2
     scale = np.array([*size, *size], np.float32)
     corners = np.column_stack([centre - half, centre + half]) / scale
-    return corners.astype(np.float32), table[:, [4 + c for c in classes]].max(axis=1)
+    return corners.astype(np.float32), table[:, [4 + c for c in classes]]
 
 
 def _suppressed(found: list[tuple[Floats, float]], min_score: float) -> list[int]:

@@ -1,4 +1,4 @@
-"""``trepid estimate --estimator lead``: the vehicles in images, folders and videos."""
+"""``trepid estimate --estimator lead``: the vehicles and people in images, folders and videos."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -22,6 +22,7 @@ from perception.images.frames import (
 from perception.images.sources import Source
 from perception.lead.detection import Detection
 from perception.lead.finder import LeadFinder, LeadSettings, lead_finder, lead_settings
+from perception.lead.kinds import VEHICLE
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
@@ -33,11 +34,11 @@ OTHER = (190, 150, 60)
 LEAD_STILL_CONFIDENCE = (
     0.5  # a still cannot be confirmed by the next frame: least confidence of a vehicle in it
 )
-COLUMNS = ("file", "frame", "lead m", "left m", "conf.", "vehicles", "ms")
+COLUMNS = ("file", "frame", "lead m", "left m", "conf.", "vehicles", "people", "ms")
 
 
 class Leads(NamedTuple):
-    """The vehicles in one frame, in the world of the car."""
+    """The vehicles and other road users in one frame, in the world of the car."""
 
     lead: LeadVehicle
     detections: list[Detection]
@@ -101,11 +102,12 @@ def drawn(one: FrameResult[Leads]) -> Image:
         if box is None or detection.confidence < LEAD_STILL_CONFIDENCE:
             continue
         left, top, right, bottom = (round(value * scale) for value in box)
-        leads = _is_lead(detection, one.result.lead)
+        leads = detection.kind == VEHICLE and _is_lead(detection, one.result.lead)
         colour = HIGH if leads else OTHER
         cv2.rectangle(canvas, (left, top), (right, bottom), PANEL, 2 + max(1, round(unit)), cv2.LINE_AA)
         cv2.rectangle(canvas, (left, top), (right, bottom), colour, max(1, round(unit)), cv2.LINE_AA)
-        words = f"{detection.ahead_m:.0f} m  {detection.confidence:.2f}"
+        name = "" if detection.kind == VEHICLE else f"{detection.kind}  "
+        words = f"{name}{detection.ahead_m:.0f} m  {detection.confidence:.2f}"
         labels.append((words, (left, top - round(6 * unit) if leads else bottom + round(18 * unit))))
     for words, place in labels:
         label(canvas, words, place, 0.45 * unit)
@@ -133,6 +135,7 @@ def as_row(one: FrameResult[Leads]) -> dict[str, Any]:
         "latency_ms": one.latency_ms,
         "detections": [
             {
+                "kind": d.kind,
                 "ahead_m": round(d.ahead_m, 2),
                 "left_m": round(d.left_m, 2),
                 "width_m": round(d.width_m, 2),
@@ -151,6 +154,7 @@ def _cells(one: FrameResult[Leads]) -> list[str]:
         str(one.number),
         *("-" if value is None else f"{value:.1f}" for value in (lead.distance_m, lead.lateral_m)),
         f"{lead.confidence:.2f}",
-        str(sum(d.confidence >= LEAD_STILL_CONFIDENCE for d in detections)),
+        str(sum(d.confidence >= LEAD_STILL_CONFIDENCE and d.kind == VEHICLE for d in detections)),
+        str(sum(d.confidence >= LEAD_STILL_CONFIDENCE and d.kind != VEHICLE for d in detections)),
         f"{one.latency_ms:.1f}",
     ]

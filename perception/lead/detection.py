@@ -1,4 +1,4 @@
-"""Vehicles in one frame: the detector interface and the embedded detector.
+"""Vehicles and people in one frame: the detector interface and the embedded detector.
 
 The embedded detector is a network of 17 000 weights on strips of one scale (:mod:`perception.lead.view`). It gives
 for each cell of each strip the probability that the nearer end of a vehicle stands there, and where exactly.
@@ -24,18 +24,25 @@ Cells = NDArray[np.float32]
 
 
 class Detection(NamedTuple):
-    """The nearer end of a vehicle on the road, in the frame of the ego rear axle."""
+    """The nearer end of a vehicle or another road user on the road, in the frame of the ego rear axle."""
 
     ahead_m: float
     left_m: float
     width_m: float
-    confidence: float  # calibrated probability of a vehicle
-    height_m: float = USUAL_HEIGHT_M  # no detector measures it
+    confidence: float  # calibrated probability of it
+    height_m: float = USUAL_HEIGHT_M  # no detector measures that of a vehicle
+    kind: str = "vehicle"
+    ahead_sigma_m: float | None = None  # deviation of ahead_m; None: that of the settings of the tracker
 
     def scaled(self, factor: float) -> "Detection":
         """The detection in a world that is ``factor`` times larger."""
-        ahead_m, left_m, width_m, confidence, height_m = self
-        return Detection(ahead_m * factor, left_m * factor, width_m * factor, confidence, height_m * factor)
+        return self._replace(
+            ahead_m=self.ahead_m * factor,
+            left_m=self.left_m * factor,
+            width_m=self.width_m * factor,
+            height_m=self.height_m * factor,
+            ahead_sigma_m=None if self.ahead_sigma_m is None else self.ahead_sigma_m * factor,
+        )
 
     def pixels(self, camera: Camera) -> tuple[float, float, float, float] | None:
         """Upright box (left, top, right, bottom) [px] around it; None when it is behind the camera."""
@@ -56,10 +63,15 @@ class Detection(NamedTuple):
 
 
 class Detector(Protocol):
-    """Vehicles in a single frame of one camera; stateless."""
+    """Vehicles and other road users in a single frame of one camera; stateless."""
+
+    @property
+    def detects(self) -> tuple[str, ...]:
+        """The kinds of road users besides vehicles that it finds at all."""
+        ...
 
     def __call__(self, image: Image) -> list[Detection]:
-        """The vehicles in ``image``, in falling order of confidence."""
+        """The road users in ``image``, in falling order of confidence."""
         ...
 
 
@@ -85,7 +97,9 @@ class Record(WeightsRecord):
 
 
 class StripDetector:
-    """The embedded detector."""
+    """The embedded detector, of vehicles only."""
+
+    detects: tuple[str, ...] = ()
 
     def __init__(self, weights: Path, camera: Camera) -> None:
         """Raises InputError when the weights are missing or do not agree with their record."""

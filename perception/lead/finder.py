@@ -1,4 +1,4 @@
-"""The leader from camera images: detection, tracks, and the choice of the vehicle ahead."""
+"""The leader and the people from camera images: detection, tracks, and the choice of the vehicle ahead."""
 
 import math
 from collections.abc import Iterable
@@ -11,19 +11,21 @@ from perception.lane.model.prediction import Motion
 from perception.lane.view import as_bgr, unusable
 from perception.lead.boxes import BoxDetector, BoxSettings
 from perception.lead.detection import Detection, Detector, StripDetector
+from perception.lead.kinds import PERSON, ROAD_USER_KINDS, VEHICLE, detected_kinds
 from perception.lead.published import PUBLISHED, fetched
 from perception.lead.tracker import Track, Tracker, TrackSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read, resource
-from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.messages import Frame, LeadVehicle, RoadUsers, SteeringEstimate, VehicleState
 from trepid.processes.settings import ProcessSpec
 from trepid.scale import ReferenceWorld, scaled_settings
-from trepid.topics import CAMERA_IMAGE
+from trepid.topics import CAMERA_IMAGE, ROAD_USERS
 from trepid.types import OpenShare, Positive
 
 NODE = "perception.lead.node"  # the module of the process
+REMEDY = "`trepid detector fetch objectron`, then `detector: objectron` in lead.yaml"
 MAX_STEP_S = 0.5  # a longer gap between two frames drops all tracks
 SLOW_MPS = 1.0  # below, the wheel angle gives the arc more exactly than the yaw rate
 
@@ -41,6 +43,13 @@ class ChoiceSettings(Settings):
     max_speed_sigma_mps: Positive
 
 
+class PublishedSettings(Settings):
+    """Section ``published`` of ``config/lead.yaml``."""
+
+    min_confidence: OpenShare
+    max_aside_sigma_mps: Positive
+
+
 class LeadSettings(Settings):
     """``config/lead.yaml``."""
 
@@ -48,6 +57,8 @@ class LeadSettings(Settings):
     weights: Path
     boxes: BoxSettings
     track: TrackSettings
+    people: TrackSettings
+    published: PublishedSettings
     choice: ChoiceSettings
 
 
@@ -73,8 +84,29 @@ def check_lead(specs: Iterable[ProcessSpec]) -> None:
         raise InputError(located(("detector",), what, read(file), file))
 
 
+def blindness(specs: Iterable[ProcessSpec]) -> str:
+    """One line about the people, cyclists and animals to whom a car with these processes is blind; "" for none."""
+    publishing = [spec for spec in specs if ROAD_USERS.key in spec.publishes]
+    if any(spec.module != NODE for spec in publishing):
+        return ""
+    detects = detected_by(lead_settings()) if publishing else ()
+    unseen = [f"{kind}s" if kind != PERSON else "people" for kind in ROAD_USER_KINDS if kind not in detects]
+    return f"the car is blind to {', '.join(unseen)}: {REMEDY}" if unseen else ""
+
+
+def detected_by(settings: LeadSettings) -> tuple[str, ...]:
+    """The kinds of road users besides vehicles that the detector in ``settings`` finds."""
+    if settings.detector is None:
+        return StripDetector.detects
+    published = PUBLISHED.get(str(settings.detector))
+    return detected_kinds((published.layout if published else settings.boxes).kinds)
+
+
 class LeadFinder:
-    """Node: frames to the vehicle ahead. It computes in the reference world (:mod:`trepid.scale`)."""
+    """Node: frames to the vehicle ahead, and to the people, cyclists and animals.
+
+    It computes in the reference world (:mod:`trepid.scale`).
+    """
 
     def __init__(self, detector: Detector, settings: LeadSettings, camera: Camera, vehicle: Vehicle) -> None:
         """``detector`` is built for the camera enlarged to the reference world."""
@@ -87,6 +119,8 @@ class LeadFinder:
 
     def _restart(self) -> None:
         self._tracker = Tracker(self._settings.track, eye_m=self._eye_m)
+        self._people = Tracker(self._settings.people, eye_m=self._eye_m, at_rest=True)
+        self.road_users: RoadUsers | None = None  # in the last frame; None: it cannot be processed
         self.detections: list[Detection] = []  # in the last frame
         self._ahead: Track | None = None
         self._t_s: float | None = None
@@ -122,7 +156,10 @@ class LeadFinder:
         self.detections = self._detect(image)
         motion = _motion(state)
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
-        self._tracker.step(self.detections, speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
+        own = dict(speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
+        self._tracker.step([one for one in self.detections if one.kind == VEHICLE], **own)
+        self._people.step([one for one in self.detections if one.kind != VEHICLE], **own)
+        self.road_users = self._reference.restored(self._users(frame.t_s, moves=motion is not None))
         lane = usable_lane(self._settings.choice, lanes, t_s=frame.t_s)
         arc_1pm = self._arc_1pm(state, motion)
         self._ahead = self._choose(Corridor(self._settings.choice, lane, arc_1pm, motion, t_s=frame.t_s))
@@ -143,6 +180,29 @@ class LeadFinder:
             ):
                 nearest, nearest_m = track, ahead_m
         return nearest
+
+    def _users(self, t_s: float, *, moves: bool) -> RoadUsers:
+        """The people, cyclists and animals that are more likely there than not."""
+        limits, odometry = self._settings.published, self._people.odometry
+        tracks = [track for track in self._people.tracks if track.confidence >= limits.min_confidence]
+        places = [odometry.to_vehicle(track.state[:2]).tolist() for track in tracks]
+        known = [
+            moves and track.aside_sigma_mps(odometry.turn) <= limits.max_aside_sigma_mps for track in tracks
+        ]
+        speeds = [
+            (odometry.turn.T @ track.state[2:]).tolist() if seen else (math.nan, math.nan)
+            for track, seen in zip(tracks, known, strict=True)
+        ]
+        return RoadUsers(
+            t_s=t_s,
+            kinds=tuple(track.kind for track in tracks),
+            x_m=tuple(x_m for x_m, _ in places),
+            y_m=tuple(y_m for _, y_m in places),
+            x_mps=tuple(x_mps for x_mps, _ in speeds),
+            y_mps=tuple(y_mps for _, y_mps in speeds),
+            confidences=tuple(track.confidence for track in tracks),
+            detects=self._detect.detects,
+        )
 
     def _message(self, t_s: float, track: Track | None, *, moves: bool) -> LeadVehicle:
         if track is None:

@@ -1,4 +1,4 @@
-"""Lead process: the vehicle ahead in every new camera frame, after the estimates of the frame."""
+"""Lead process: the vehicle ahead and the people in every new camera frame, after the estimates of the frame."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,13 +8,13 @@ from trepid.processes.journal import Journal
 from trepid.processes.process import Process
 from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
-from trepid.topics import CAMERA_IMAGE, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
+from trepid.topics import CAMERA_IMAGE, LEAD_VEHICLE, ROAD_USERS, VEHICLE_STATE, estimate_topic
 
 IDLE_S = 0.1  # without estimates
 
 
 class LeadNode:
-    """Publishes the vehicle ahead in the newest frame.
+    """Publishes the vehicle ahead in the newest frame, and with ``road_users`` people, cyclists and animals.
 
     It processes a frame when all estimates of it have arrived, so that the estimators get the processor first.
     Without estimates it processes the newest frame every IDLE_S.
@@ -26,7 +26,9 @@ class LeadNode:
         self._state = me.bus.latest(VEHICLE_STATE, wakes=False)
         self._lanes = [me.bus.latest(estimate_topic(name)) for name in me.options["estimators"]]
         self._send = me.bus.publisher(LEAD_VEHICLE)
-        self._journal = Journal(me, LEAD_VEHICLE, reads=(self._frames, self._state, *self._lanes))
+        outputs = (LEAD_VEHICLE, ROAD_USERS) if me.options.get("road_users", True) else (LEAD_VEHICLE,)
+        self._send_users = me.bus.publisher(ROAD_USERS) if ROAD_USERS in outputs else None
+        self._journal = Journal(me, *outputs, reads=(self._frames, self._state, *self._lanes))
         self._finder = build()
         self._times = Timekeeper(me.bus, me.name, me.now_s)
         self._looked_s = me.now_s()
@@ -51,6 +53,8 @@ class LeadNode:
             return
         seen = [lane.message for lane in self._lanes]
         self._send(self._finder.step(frame, self._state.refresh(), seen, now_s=began_s))
+        if self._send_users is not None and self._finder.road_users is not None:
+            self._send_users(self._finder.road_users)
         self._journal.note(began_s)
         if came:
             self._times.note(frame.t_s, came[-1], began_s=began_s)

@@ -1,4 +1,4 @@
-"""Vehicles over time: a Kalman filter for each, in a frame that stands still on the road.
+"""Vehicles and people over time: a Kalman filter for each, in a frame that stands still on the road.
 
 The own motion is taken out by odometry (speed and yaw rate of the vehicle), so that a track holds where a vehicle
 is on the ground and how fast it moves there. With p = (x, y) and v = (ẋ, ẏ) in the odometry frame,
@@ -57,6 +57,7 @@ class Track:
         self.covariance[:2, :2] = noise
         self.covariance[2:, 2:] = settings.first_speed_sigma_mps**2 * np.eye(2)
         self.width_m = width_m
+        self.kind = ""
         self.log_odds = 0.0
         self.unseen_s = 0.0
 
@@ -69,6 +70,10 @@ class Track:
     def speed_sigma_mps(self) -> float:
         """Largest standard deviation of the speed."""
         return float(math.sqrt(np.linalg.eigvalsh(self.covariance[2:, 2:])[-1]))
+
+    def aside_sigma_mps(self, turn: Vector) -> float:
+        """Standard deviation of the speed across the axis of a vehicle whose frame is turned by ``turn``."""
+        return float(math.sqrt((turn.T @ self.covariance[2:, 2:] @ turn)[1, 1]))
 
     def predict(self, dt_s: float) -> None:
         """Predict by ``dt_s`` at constant velocity."""
@@ -95,6 +100,7 @@ class Track:
         kept[:, :2] -= gain
         self.covariance = kept @ self.covariance @ kept.T + gain @ noise @ gain.T
         self.width_m += 0.1 * (detection.width_m - self.width_m)
+        self.kind = detection.kind
         self._believe(math.log(detection.confidence / (1 - detection.confidence)))
         self.unseen_s = 0.0
 
@@ -138,9 +144,9 @@ class Odometry:
 class Tracker:
     """The tracks of all detected vehicles."""
 
-    def __init__(self, settings: TrackSettings, *, eye_m: float) -> None:
-        """``eye_m``: distance of the camera ahead of the rear axle."""
-        self._settings, self._eye_m = settings, eye_m
+    def __init__(self, settings: TrackSettings, *, eye_m: float, at_rest: bool = False) -> None:
+        """``eye_m``: distance of the camera ahead of the rear axle. ``at_rest``: new tracks stand on the road."""
+        self._settings, self._eye_m, self._at_rest = settings, eye_m, at_rest
         self.odometry = Odometry()
         self.tracks: list[Track] = []
 
@@ -165,9 +171,10 @@ class Tracker:
         self.tracks = [track for track in self.tracks if self._lives(track)]
 
     def _begin(self, at: Vector, noise: Vector, detection: Detection, speed_mps: float) -> None:
-        """A new track at the speed of the ego vehicle."""
-        own = self.odometry.turn @ (speed_mps, 0.0)
+        """A new track at the speed of the ego vehicle, or at rest."""
+        own = self.odometry.turn @ (0.0 if self._at_rest else speed_mps, 0.0)
         track = Track(at, noise, own, detection.width_m, self._settings)
+        track.kind = detection.kind
         track.log_odds = math.log(detection.confidence / (1 - detection.confidence))
         self.tracks.append(track)
 
@@ -176,7 +183,8 @@ class Tracker:
         s = self._settings
         ahead_m = max(detection.ahead_m - self._eye_m, 0.1)
         range_m, bearing_rad = math.hypot(ahead_m, detection.left_m), math.atan2(detection.left_m, ahead_m)
-        along = (s.range_sigma * range_m) ** 2 + s.range_floor_m**2
+        own_m = s.range_sigma * range_m if detection.ahead_sigma_m is None else detection.ahead_sigma_m
+        along = own_m**2 + s.range_floor_m**2
         across = (s.bearing_sigma_rad * range_m) ** 2 + s.aside_floor_m**2
         cos, sin = (f(bearing_rad + self.odometry.yaw_rad) for f in (math.cos, math.sin))
         sight = np.array([[cos, -sin], [sin, cos]])

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from perception.estimators import misfits
-from perception.lead.finder import check_lead
+from perception.lead.finder import blindness, check_lead
 from sim_harness.live.plan import (
     Networks,
     check_car,
@@ -27,6 +27,7 @@ from sim_harness.live.plan import (
 from sim_harness.live.referee import Assigned, Referee, Show
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
+from sim_harness.scenarios.road_users import UserSensor
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
@@ -79,7 +80,7 @@ def drive(
     """
     recorded = record is not None or settings.ring.max_mb > 0
     served = {PAGE: page is not None, FOXGLOVE: foxglove is not None}
-    specs, estimators, networks = _plan(scenario, recorded=recorded, chosen=chosen, **served)
+    specs, estimators, networks, remark = _plan(scenario, recorded=recorded, chosen=chosen, **served)
     if record is not None:
         check_recording(record)
     offset_ns = epoch_offset_ns()
@@ -133,7 +134,7 @@ def drive(
             say(f"live page: {running.page}")
         if any(spec.name == FOXGLOVE for spec in specs):
             say(f"Foxglove or Lichtblick: open the connection ws://127.0.0.1:{foxglove}")
-        assigned = Assigned(scenario, estimators, duration_s, what, endpoint)
+        assigned = Assigned(scenario, estimators, duration_s, what, endpoint, remark)
         referee = Referee(bus, clock, fleet, assigned, settings, show)
         if referee.wait_until_ready(signals):
             referee.watch(signals)
@@ -142,8 +143,8 @@ def drive(
 
 def _plan(
     scenario: Scenario | None, *, recorded: bool, chosen: Networks | None, page: bool, foxglove: bool
-) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...], dict[str, str]]:
-    """The processes of the drive, its estimators and the files of its driving networks.
+) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...], dict[str, str], str]:
+    """The processes of the drive, its estimators, the files of its driving networks, and a remark about its sight.
 
     Raises InputError where they do not fit scenario or car.
     """
@@ -160,7 +161,8 @@ def _plan(
         check_configuration([scenario])
     specs = tuple(sorted(gathered(own), key=lambda spec: spec.name != RECORDER))
     _check_losable(specs, scenario)
-    return specs, estimators, networks_in(own)
+    senses = scenario is not None and scenario.road_users_by is not UserSensor.CAMERA
+    return specs, estimators, networks_in(own), "" if senses else blindness(own)
 
 
 def recorder_awaited(bus: Bus) -> Callable[[Child], None]:

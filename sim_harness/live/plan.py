@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from sim_harness.scenarios.road_users import UserSensor
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, default_file, load, resource
@@ -16,6 +17,7 @@ from trepid.topics import (
     DRIVER_INPUT,
     IMAGE_STATISTICS,
     LEAD_VEHICLE,
+    ROAD_USERS,
     SIM_TRUTH,
     VEHICLE_STATE,
     estimate_topic,
@@ -54,11 +56,12 @@ def planned(
 ) -> tuple[ProcessSpec, ...]:
     """The processes that run in a drive of ``scenario``; None: of a real car, with the ``chosen`` estimators.
 
-    A scenario gives the estimators, and where it gives the vehicle ahead itself, no process detects it. An
-    estimator without an entry of its own runs as ``perception.node``. The first ``perception.node`` also judges the
-    image, unless a process publishes ``perception/image_statistics``. The recorder runs when the drive is recorded,
-    and where a process publishes ``driver/input``, because its record button starts recordings. The process PAGE
-    runs with ``page``, FOXGLOVE with ``foxglove``. Raises InputError where the car leaves out the asked FOXGLOVE.
+    A scenario gives the estimators, and where it gives the vehicle ahead or the people itself, no process detects
+    them. An estimator without an entry of its own runs as ``perception.node``. The first ``perception.node`` also
+    judges the image, unless a process publishes ``perception/image_statistics``. The recorder runs when the drive
+    is recorded, and where a process publishes ``driver/input``, because its record button starts recordings. The
+    process PAGE runs with ``page``, FOXGLOVE with ``foxglove``. Raises InputError where the car leaves out the
+    asked FOXGLOVE.
     """
     if foxglove and all(spec.name != FOXGLOVE for spec in specs):
         raise InputError(f"--foxglove: processes.yaml of the car leaves out the process {FOXGLOVE}")
@@ -79,8 +82,19 @@ def _of_scenario(specs: tuple[ProcessSpec, ...], scenario: Scenario) -> tuple[Pr
         names = {spec.name for spec in SIMULATED}
         specs = (*SIMULATED, *(spec for spec in specs if spec.name not in names))
     if scenario.leads_by is not LeadSensor.CAMERA:
-        specs = tuple(spec for spec in specs if spec.publishes != (LEAD_VEHICLE.key,))
+        finds = {LEAD_VEHICLE.key, ROAD_USERS.key}
+        return tuple(
+            s for s in specs if LEAD_VEHICLE.key not in s.publishes or not finds.issuperset(s.publishes)
+        )
+    if scenario.road_users_by is not UserSensor.CAMERA:
+        specs = tuple(_without_road_users(spec) if spec.module == LEAD else spec for spec in specs)
     return specs
+
+
+def _without_road_users(spec: ProcessSpec) -> ProcessSpec:
+    """The process of the lead detector where the simulated car gives the road users."""
+    publishes = tuple(key for key in spec.publishes if key != ROAD_USERS.key)
+    return replace(spec, publishes=publishes, options={**spec.options, "road_users": False})
 
 
 def _estimating(specs: tuple[ProcessSpec, ...], chosen: Networks) -> tuple[ProcessSpec, ...]:

@@ -32,6 +32,7 @@ class Assigned(NamedTuple):
     duration_s: float | None  # of a real car; None: until a signal
     what: str  # name of the scenario or of the car
     endpoint: str
+    remark: str = ""  # about the car, for the summary
 
 
 class Referee:
@@ -162,7 +163,7 @@ class Referee:
             seed=seed,
             elapsed_s=self._elapsed_s(),
             problems=self._problems,
-            notes=self._notes,
+            notes=[*self._notes, *filter(None, [self._assigned.remark])],
         )
 
     def _simulate_losses(self) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed_detector import FixedDetector
 
 from perception.lead.boxes import on_road, ssd_anchors, ssd_boxes, yolo_boxes
 from perception.lead.detection import Detection, Platt, peaks
@@ -29,7 +30,6 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
-from trepid.types import Image
 from trepid.wire import from_cdr, to_cdr
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
@@ -173,18 +173,6 @@ def test_the_confidence_of_an_undetected_vehicle_falls_until_its_track_is_droppe
         tracker.step([], speed_mps=5.0, yaw_rate_radps=0.0, dt_s=PERIOD_S)
     assert confidences == sorted(confidences, reverse=True)
     assert len(confidences) * PERIOD_S <= SETTINGS.track.max_coast_s + PERIOD_S
-
-
-class FixedDetector:
-    """A detector that returns given detections."""
-
-    def __init__(self, detections: list[Detection]) -> None:
-        self.detections = detections
-        self.shape: tuple[int, ...] = ()
-
-    def __call__(self, image: Image) -> list[Detection]:
-        self.shape = image.shape
-        return self.detections
 
 
 def state(t_s: float, *, speed_mps: float = 5.0, yaw_rate_radps: float = 0.0) -> VehicleState:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed_detector import FixedDetector
 
 from perception.images.frames import FrameResult
 from perception.lead.cli import Leads, as_row, drawn, leads_in
@@ -29,7 +30,7 @@ def car(request, monkeypatch: pytest.MonkeyPatch):
 
 def found(camera: Camera, vehicle: Vehicle) -> FrameResult[Leads]:
     """The result of the eighth frame with the same detection."""
-    finder = LeadFinder(lambda _: [IN_REFERENCE], lead_settings(), camera, vehicle)
+    finder = LeadFinder(FixedDetector([IN_REFERENCE]), lead_settings(), camera, vehicle)
     image = np.full((camera.height_px, camera.width_px, 3), 90, np.uint8)
     for number in range(8):
         leads = leads_in(finder, vehicle.scale, Frame(t_s=0.04 * number, image=image))
