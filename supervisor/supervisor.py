@@ -13,13 +13,14 @@ from supervisor.inputs.validation import ValidationSettings
 from supervisor.inputs.watchdog import FAULTS, LEAD, STATISTICS, Watchdog, cause_of_lateness
 from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explained, is_image_late
 from supervisor.modes.doubts import Doubts, is_guess, moment
-from supervisor.modes.modes import Effect, ModeSettings, ModeState, next_state
+from supervisor.modes.modes import Effect, ModeSettings, ModeState, brake_of, next_state
 from supervisor.modes.speed import SpeedFactor
 from supervisor.modes.waits import Bounds, Halt, View, obstacle, waits_for
 from supervisor.path.follow import FollowSettings
 from supervisor.path.fusion import FusionSettings, Path
 from supervisor.path.giving_way import GivingWaySettings
 from supervisor.path.hand_over import HandOver
+from supervisor.path.sight_speed import SightSettings
 from supervisor.rules.inference import CALM, FearResult, FearRules
 from supervisor.rules.verify import load_verified
 from supervisor.situation.added import wrong_ranges
@@ -62,6 +63,7 @@ class SupervisorSettings(Settings):
     analyser: AnalyserSettings
     fusion: FusionSettings
     modes: ModeSettings
+    sight: SightSettings
     follow: FollowSettings
     giving_way: GivingWaySettings
 
@@ -123,6 +125,7 @@ class Supervisor:
             settings.fusion,
             settings.follow,
             settings.giving_way,
+            settings.sight,
             vehicle,
             rated_as=settings.rated_as,
             enlargement=enlargement,
@@ -134,8 +137,7 @@ class Supervisor:
         self._mode = ModeState.initial()
         self._speed = SpeedFactor(settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)
-        self._brakes_hard = False  # for a road user, without a stop of the mode
-        self._held_back = False  # the car brakes until late messages are in time
+        self._stop = self._mode.stop  # the stop of the mode, or a brake without a change of the mode
         self._driver = False  # a driver acted at the last step
         self._has_driven = False
 
@@ -177,6 +179,7 @@ class Supervisor:
         """
         enlarged = self._reference.enlarged
         estimates = {name: enlarged(f"estimate {name}", estimate) for name, estimate in estimates.items()}
+        statistics = enlarged("statistics", statistics)
         lead, state = enlarged("lead", lead), enlarged("state", state)
         road_users = enlarged("road_users", road_users)
         rules, driver = self._rules, state is not None and state.driver_override
@@ -188,7 +191,7 @@ class Supervisor:
         )
         rated = rules.evaluate(world.features)
         finding = analyse(world.features, self._settings.analyser, ages_s=world.ages_s)
-        cause = CALM if rated.cause == CALM else explained(rated.cause, finding)
+        cause = CALM if rated.cause == CALM else explained(rated.cause, finding, world.sight.cause)
         fault = self._watchdog.step(
             world.ages_s,
             statistics_s=world.statistics_age_s,
@@ -220,10 +223,12 @@ class Supervisor:
         begins = self._mode.mode is Mode.STOP
         situation = self._doubts.step(now, rules.file.hysteresis, now_s=now_s)
         self._mode = next_state(self._mode, situation, final_causes=modes.final_causes)
-        self._held_back = Effect.HOLD_BACK in situation.effects
-        if self._held_back:
+        for_people = world.way.hard and not driver
+        self._stop = Stop.EMERGENCY if for_people else brake_of(situation.effects, self._mode)
+        if Effect.BRAKE_HARD in situation.effects:
+            cause = world.sight.cause if world.sight_too_short else Cause.LEAD_CLOSE
+        elif Effect.HOLD_BACK in situation.effects:
             cause = cause_of_lateness(late, estimates) if late else Cause.FROZEN_CAMERA
-        self._brakes_hard = world.way.hard and not driver
         self._driver = driver
         self._has_driven = self._has_driven or self._mode.mode is not Mode.STOP
         factor = self._speed.step(
@@ -234,23 +239,19 @@ class Supervisor:
             begins=begins,
             now_s=now_s,
         )
-        slowed = world.way.cap_mps < self._settings.cruise_speed_mps * factor
-        cause = Cause.PERSON if self._brakes_hard or (slowed and cause == CALM) else cause
+        wanted_mps = self._settings.cruise_speed_mps * factor
+        if for_people or (cause == CALM and world.way.cap_mps < wanted_mps):
+            cause = Cause.PERSON
+        elif cause == CALM and world.sight.cap_mps < wanted_mps:
+            cause = world.sight.cause or CALM
         if losses is not None and losses.slow:
             factor = at_most(factor, self._settings.lost_process_speed_factor)
             cause = Cause.LOST_PROCESS if cause == CALM else cause
         decision = self._decision(world, rated, self._mode.cause or cause, finding, factor, now_s)
-        held, lead_mps = str(cause) * self._held_back, self._observer.follower.speed_cap_mps(world.ahead)
-        halt = Halt(self._mode, now, self._doubts.healthy_s, held, late, decision.speed_cap_mps, lead_mps)
+        braked_for = "" if for_people or self._stop is self._mode.stop else str(cause)
+        lead_mps, cap_mps = self._observer.follower.speed_cap_mps(world.ahead), decision.speed_cap_mps
+        halt = Halt(self._mode, now, self._doubts.healthy_s, self._stop, braked_for, late, cap_mps, lead_mps)
         return self._reference.restored(replace(decision, waits_for=waits_for(view, halt)))
-
-    @property
-    def _stop(self) -> Stop:
-        """The stop of the mode, else an emergency brake for road users, or the comfort brake while held back."""
-        if self._brakes_hard:
-            return Stop.EMERGENCY
-        held_back = self._held_back and self._mode.stop is Stop.NONE
-        return Stop.COMFORT if held_back else self._mode.stop
 
     def _path(self, world: WorldState, now_s: float) -> Path | None:
         """The path of the road, or the trail of the vehicle ahead where the road is lost, blended at a change.
@@ -273,8 +274,8 @@ class Supervisor:
         if self._mode.mode is Mode.FOLLOW and self._rules.mode(fear) is not Mode.STOP:
             pace_mps = at_most(self._observer.follower.pace_mps(world.ahead), self._settings.cruise_speed_mps)
             cruise_mps = at_least(cruise_mps, pace_mps)
-        cruise_mps = at_most(cruise_mps, world.way.cap_mps)
-        return at_most(self._observer.follower.speed_cap_mps(world.ahead), cruise_mps)
+        gap_mps = self._observer.follower.speed_cap_mps(world.ahead)
+        return min(cruise_mps, gap_mps, world.way.cap_mps, world.sight.cap_mps)
 
     def _decision(
         self, world: WorldState, rated: FearResult, cause: str, finding: Finding, factor: float, now_s: float
@@ -309,6 +310,9 @@ class Supervisor:
             speed_cap_mps=self._speed_cap_mps(world, rated.fear, factor),
             road_user=world.way.kind,
             road_user_m=world.way.ahead_m,
+            sight_m=world.sight.sight_m,
+            sight_cause=world.sight.cause,
+            sight_cap_mps=world.sight.cap_mps if math.isfinite(world.sight.cap_mps) else None,
         )
 
 

@@ -38,6 +38,7 @@ class Cause(StrEnum):
     # the distance that the image shows
     FOG = "fog"  # fog, rain, spray or snow in the air
     CREST = "crest"
+    SIGHT_UNKNOWN = "sight_unknown"  # no image states how far it shows the road
 
     # the road and its estimates
     OCCLUDED = "occluded"

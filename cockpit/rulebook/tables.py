@@ -23,6 +23,7 @@ EFFECTS = {
     Effect.BRAKE_HARDER: "a comfort stop becomes an emergency stop",
     Effect.CALM: "`CAUTION` ends",
     Effect.HOLD_BACK: "comfort brake for as long as it holds; the mode stays",
+    Effect.BRAKE_HARD: "brake of an emergency for as long as it holds; the mode stays",
     Effect.ROAD_BACK: "`FOLLOW` ends",
     Effect.START: "a stop ends",
     Effect.HAND_OVER: "the stop of the start ends",
@@ -39,6 +40,7 @@ WHY = {
     "second_confidence": "a single estimate cannot be checked; two independent estimators rarely make the same "
     "error (Fridman, Arguing Machines)",
     "seen_confidence": "a tracker keeps a high confidence for a while after the road is lost; this input does not",
+    "sight": "a stop must fit within what is seen: something may stand beyond; the cause is what ends the sight",
     "cv_confidence": "the estimator finds no lines or edges: worn, covered or missing markings",
     "cnn_confidence": "the network itself reports an image unlike its training data",
     "cv_jitter": "a road does not jump, so a jump is an error of the estimate (two candidate lines, false edges)",

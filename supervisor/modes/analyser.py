@@ -156,6 +156,9 @@ SUSPECTS = (
 )
 """In the order of causation: the first row with evidence is the cause."""
 
+SIGHT = "sight"
+"""Cause of the rules about the input of this name, which the image statistics resolve."""
+
 SYMPTOMS = frozenset(
     {
         *(Cause.LOW_CONFIDENCE, Cause.UNCONFIRMED, Cause.NO_ROAD, Cause.DISAGREEMENT),
@@ -179,8 +182,13 @@ def analyse(x: Features, settings: AnalyserSettings, *, ages_s: Mapping[str, flo
     return NOTHING
 
 
-def explained(cause: str, finding: Finding) -> str:
-    """The cause of fear, traced back: a symptom gives way to the finding that accounts for it."""
+def explained(cause: str, finding: Finding, sight_cause: str = "") -> str:
+    """The cause of fear, traced back: a symptom gives way to the finding that accounts for it.
+
+    A rule about ``sight`` gives way to what ends the sight.
+    """
+    if cause == SIGHT:
+        return sight_cause or cause
     return finding.cause if finding.cause and cause in SYMPTOMS else cause
 
 

@@ -26,6 +26,7 @@ class Moment(NamedTuple):
     trail: bool  # of a vehicle ahead, at least to stop on
     lead: bool  # a vehicle ahead can be followed
     near: bool  # the vehicle ahead is too near for a comfort stop
+    too_fast: bool  # speed tracking cannot stop before the vehicle ahead, or within the sight
     late: bool  # a message or a new image is late
     standstill: bool
     moving: bool  # by the last valid state
@@ -73,6 +74,7 @@ def moment(
         trail=world.trail.path is not None,
         lead=world.trail.usable,
         near=world.near,
+        too_fast=world.sight_too_short or world.closes_in,
         late=late,
         standstill=motion is not None and abs(motion.speed_mps) < modes.standstill_mps,
         moving=last is not None and abs(last.speed_mps) >= modes.standstill_mps,
@@ -165,6 +167,13 @@ DOUBTS = (
         "by three messages in time, by a new image",
     ),
     Doubt(
+        "too fast to stop by speed tracking before a vehicle, or within the sight",
+        lambda m: m.moving and m.too_fast,
+        lambda s, _: s.brake_hard_s,
+        Effect.BRAKE_HARD,
+        "by speed, distance, sight",
+    ),
+    Doubt(
         "a vehicle or a road user too near for a comfort stop",
         lambda m: m.near and not m.driver,
         lambda s, _: s.near_s,
@@ -195,7 +204,7 @@ DOUBTS = (
     ),
 )
 """The rows that every supervisor has; :func:`doubts_of` adds those of the causes in the settings."""
-DRIVERS = frozenset({Effect.EMERGENCY, Effect.HAND_OVER, Effect.HOLD_BACK})
+DRIVERS = frozenset({Effect.EMERGENCY, Effect.HAND_OVER, Effect.HOLD_BACK, Effect.BRAKE_HARD})
 """Effects that do not come while a driver acts."""
 
 

@@ -24,6 +24,7 @@ class ModeSettings(Settings):
     emergency_stop_age_s: Positive  # ... emergency stop
     blind_s: Positive  # moving without any path for this long: emergency stop
     near_s: Seconds  # a vehicle ahead too near for the present comfort stop, for this long: emergency stop
+    brake_hard_s: Seconds  # speed tracking cannot stop in time, for this long: the brake of an emergency
     guess_s: Positive  # fear requires a stop, and no confidence is above guess_confidence: likewise
     guess_confidence: Annotated[
         float, Field(gt=0, le=1)
@@ -54,11 +55,21 @@ class Effect(Enum):
     STOP_ON_ROAD = auto()  # a comfort stop in KEEP and CAUTION
     EMERGENCY = auto()  # a final emergency stop
     HOLD_BACK = auto()  # the comfort brake without a change of the mode, for as long as the doubt lasts
+    BRAKE_HARD = (
+        auto()
+    )  # the brake of an emergency without a change of the mode, for as long as the doubt lasts
     BRAKE_HARDER = auto()  # a comfort stop becomes an emergency stop
     CALM = auto()  # CAUTION ends
     ROAD_BACK = auto()  # FOLLOW ends
     START = auto()  # a stop ends at standstill
     HAND_OVER = auto()  # the stop in which a supervisor starts ends while the car moves
+
+
+def brake_of(effects: Collection[Effect], mode: "ModeState") -> Stop:
+    """The stop that the car makes now: the stronger one of its mode and of the effects without a mode."""
+    if Effect.BRAKE_HARD in effects or mode.stop is Stop.EMERGENCY:
+        return Stop.EMERGENCY
+    return Stop.COMFORT if Effect.HOLD_BACK in effects else mode.stop
 
 
 class Situation(NamedTuple):

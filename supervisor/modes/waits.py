@@ -130,7 +130,8 @@ class Halt(NamedTuple):
     state: ModeState
     now: Moment
     healthy_s: float  # for how long a standing car has had neither obstacle nor fault
-    braked_for: str  # cause of the comfort brake without a change of mode; "" without it
+    brake: Stop  # the stop that the car makes now
+    braked_for: str  # cause of a brake without a change of mode; "" without it
     late: Collection[str]  # senders of late messages
     cap_mps: float
     lead_cap_mps: float  # by the gap to the vehicle ahead
@@ -141,16 +142,28 @@ def waits_for(view: View, halt: Halt) -> str:
     if halt.state.mode is Mode.STOP:
         return _stop(view, halt)
     if halt.braked_for:
-        end = f"{RECOVERED} messages in time of {', '.join(halt.late)}" if halt.late else "a new image"
-        return f"brakes for {halt.braked_for}: waits for {end}"
-    way, standstill_mps = view.world.way, view.bounds.modes.standstill_mps
-    if halt.cap_mps >= standstill_mps:
-        return ""
+        return _brake(halt)
+    return "" if halt.cap_mps >= view.bounds.modes.standstill_mps else _bounded(view, halt)
+
+
+def _bounded(view: View, halt: Halt) -> str:
+    """The words about what keeps the speed at standstill."""
+    way, sight, standstill_mps = view.world.way, view.world.sight, view.bounds.modes.standstill_mps
     if way.hard or way.cap_mps < standstill_mps:
         return _for_a_road_user(way, halt.now, view.bounds.scale)
-    if halt.lead_cap_mps < view.bounds.modes.standstill_mps:
+    if halt.lead_cap_mps < standstill_mps:
         return _behind_a_vehicle(view.world.ahead.distance_m, view.bounds)
+    if sight.cap_mps < standstill_mps:
+        return f"waits for sight ({sight.cause}): drives on when it is longer than the way of a stop"
     return f"brakes for fear {view.fear:.2f} ({view.cause}): waits for less fear"
+
+
+def _brake(halt: Halt) -> str:
+    """The words about a brake without a change of mode."""
+    if halt.brake is Stop.EMERGENCY:
+        return f"brakes hard for {halt.braked_for}: waits for a speed from which it can stop in time"
+    end = f"{RECOVERED} messages in time of {', '.join(halt.late)}" if halt.late else "a new image"
+    return f"brakes for {halt.braked_for}: waits for {end}"
 
 
 def _for_a_road_user(way: Way, now: Moment, scale: float) -> str:

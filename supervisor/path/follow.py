@@ -10,6 +10,7 @@ from supervisor.inputs.timers import Held
 from supervisor.inputs.validation import ValidationSettings, within
 from supervisor.path.fusion import Path
 from supervisor.path.hand_over import LEAD
+from supervisor.path.sight_speed import StoppingWay
 from supervisor.path.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import STANDING, Lane, Motion
@@ -251,6 +252,19 @@ class Follower:
         free_m = max(0.0, ahead.distance_m - self._settings.standstill_gap_m)
         braking_mps = math.sqrt(ahead.speed_mps**2 + 2 * self._settings.decel_mps2 * free_m)
         return min(free_m / self._settings.time_gap_s, braking_mps)
+
+    def is_closing_in(self, lead: Lead, motion: Motion | None, stop: StoppingWay) -> bool:
+        """Whether ``stop``, relative to a ``lead`` that keeps its speed, ends nearer to it than ``touch_m``."""
+        ahead = self._held if lead.distance_m is None else lead
+        sure = (ahead.confidence or 0.0) >= self._settings.min_confidence
+        if ahead.distance_m is None or motion is None or not sure:
+            return False
+        return stop.way_m(motion.speed_mps - ahead.speed_mps) > ahead.distance_m - self._settings.touch_m
+
+    def ahead_m(self, lead: Lead) -> float:
+        """Distance of the nearer end of the vehicle ahead from the rear axle [m]; inf without one."""
+        ahead = self._held if lead.distance_m is None else lead
+        return math.inf if ahead.distance_m is None else self._front_m + ahead.distance_m
 
     def is_near(self, lead: Lead, motion: Motion | None) -> bool:
         """Whether a comfort stop would end too near to ``lead`` if it brakes with the same deceleration.

@@ -31,6 +31,8 @@ Seconds = Annotated[float, Field(ge=0)]
 FEAR = "fear"
 PATH_JITTER, FORMER_PATH_JITTER = "_path_jitter", "_unrest"
 """Ending of an input name, and its former spelling, which still works with a warning."""
+SIGHT = "sight"
+"""Input that was a confidence in former rule files, now called seen_confidence."""
 TRUST_PREFIX = "trust_"
 _POINTS_SCHEMA = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
 _SENTENCE_SCHEMA = {
@@ -324,6 +326,11 @@ class RuleFile(Settings):
             problem = unknown_cause(cause, self.known_causes)
             if problem:
                 raise wrong_at(path, problem)
+        if SIGHT in self.inputs and self.inputs[SIGHT].range[1] <= 1.0:
+            problem = (
+                "sight is the way seen over that of a stop, 0 to 5; its former meaning is seen_confidence"
+            )
+            raise wrong_at(("inputs", SIGHT, "range"), problem)
         for name in self.inputs:
             if name in KEYWORDS or name in self.outputs:
                 problem = f"{name!r} is a keyword of the rule language; choose another name"

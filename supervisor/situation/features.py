@@ -54,7 +54,7 @@ FEATURES = EARLY_FEATURES | {
         "separation",
         "single_source",
     ),
-    *("lateral_demand", "lateral_error", "crossing", "person_time", "person_margin"),
+    *("lateral_demand", "lateral_error", "crossing", "sight", "person_time", "person_margin"),
 }
 """Further features belong to the estimators: the name that rates an estimator and one of ESTIMATOR_SUFFIXES."""
 

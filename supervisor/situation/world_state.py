@@ -16,12 +16,14 @@ from supervisor.inputs.validation import (
 )
 from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
 from supervisor.path.follow import Follower, Following, FollowSettings, Lead, judge_lead
-from supervisor.path.fusion import Fused, Fusion, FusionSettings
+from supervisor.path.fusion import Fused, Fusion, FusionSettings, Path
 from supervisor.path.giving_way import GivingWay, GivingWaySettings, Way
+from supervisor.path.sight_speed import Sight, SightSettings, SightSpeed
 from supervisor.rules.inference import FearRules
 from supervisor.situation.added import Moment, measured
 from supervisor.situation.features import BEYOND, Features, early_features, features
 from supervisor.situation.ratings import RATED_AS, absent_values, rating_names
+from trepid.bounds import at_least
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics, LeadVehicle, RoadUsers, SteeringEstimate, VehicleState
@@ -42,6 +44,9 @@ class WorldState(NamedTuple):
     trail: Following  # of the vehicle ahead
     way: Way  # that road users leave to the car
     near: bool  # a vehicle ahead or a road user is too near for a comfort stop
+    sight: Sight
+    sight_too_short: bool  # speed tracking cannot stop the car within the sight
+    closes_in: bool  # ... nor before the vehicle ahead
     features: Features  # the inputs of the fear rules
 
     @property
@@ -64,6 +69,7 @@ class WorldStateObserver:
         fusion: FusionSettings,
         follow: FollowSettings,
         giving_way: GivingWaySettings,
+        sight: SightSettings,
         vehicle: Vehicle,
         *,
         rated_as: Mapping[str, str] = RATED_AS,
@@ -75,6 +81,11 @@ class WorldStateObserver:
         self._half_width_m, self._wheelbase_m = vehicle.track_m / 2, vehicle.wheelbase_m
         self._fusion, self.follower = Fusion(fusion), Follower(follow, vehicle)
         self._giving_way = GivingWay(giving_way, vehicle)
+        self._sight = SightSpeed(
+            sight,
+            front_m=vehicle.wheelbase_m + vehicle.front_overhang_m,
+            drive_lag_s=vehicle.accel_lag_s,
+        )
         self._consistency, self._weak_edges = Consistency(), WeakEdges()
         self._saturated, self._single = Stopwatch(), Stopwatch()
         self._last_motion: Motion | None = None
@@ -143,6 +154,16 @@ class WorldStateObserver:
             way=None if watched.users is None else way,
             enlargement=self._enlargement,
         )
+        sight = self._sight.step(
+            None if frozen else fresh,
+            moving,
+            age_s=statistics_age_s,
+            now_s=now_s,
+            leader_m=self.follower.ahead_m(ahead),
+            bend_1pm=_bend_1pm(fused.path),
+            watches=lead is not None,
+        )
+        inputs["sight"] = None if fresh is None else self._sight.share(sight, early["speed"])
         return WorldState(
             estimates=seen,
             ahead=ahead,
@@ -156,6 +177,9 @@ class WorldStateObserver:
             trail=trail,
             way=way,
             near=self.follower.is_near(ahead, moving) or way.hard,
+            sight=sight,
+            sight_too_short=self._sight.is_too_fast(sight, moving),
+            closes_in=self.follower.is_closing_in(ahead, moving, self._sight.firm),
             features=inputs,
         )
 
@@ -195,3 +219,10 @@ class WorldStateObserver:
             )
             for name, estimate in estimates.items()
         ]
+
+
+def _bend_1pm(path: Path | None) -> float:
+    """The greatest curvature of the seen lane [1/m]; 0 without one."""
+    if path is None:
+        return 0.0
+    return at_least(abs(path.lane.curvature_1pm), abs(path.lane.curvature_at(path.lookahead_m)))

@@ -34,6 +34,10 @@ def with_part(old: str, new: str) -> str:
 
 
 BAD: dict[str, tuple[str | bytes | None, str]] = {
+    "the former meaning of sight": (
+        GOOD.replace("  lane_confidence:\n", "  sight:\n", 1).replace("if lane_confidence", "if sight"),
+        r":\d+:\d+: .*its former meaning is seen_confidence",
+    ),
     # No YAML mapping at all.
     "missing": (None, r"bad\.yaml: cannot be read: No such file"),
     "empty": ("", ":1:1: expected a mapping"),

@@ -29,7 +29,7 @@ def observed(
     statistics: ImageStatistics = STATISTICS,
 ) -> WorldState:
     s = SETTINGS
-    observer = WorldStateObserver(s.validation, s.fusion, s.follow, s.giving_way, VEHICLE)
+    observer = WorldStateObserver(s.validation, s.fusion, s.follow, s.giving_way, s.sight, VEHICLE)
     return observer.step(RULES, {"cv": cv, "cnn": cnn}, statistics, None, state, now_s=AGE_S)
 
 
