@@ -94,8 +94,10 @@ class StoppingWay(NamedTuple):
             return 0.0
         if free_m == math.inf:
             return math.inf
-        root_s = math.sqrt(self.reaction_s * self.reaction_s + 2.0 * free_m / self.decel_mps2)
-        return 2.0 * free_m / (self.reaction_s + root_s)
+        root_s = math.hypot(
+            self.reaction_s, math.sqrt(2.0 / self.decel_mps2) * math.sqrt(free_m)
+        )  # no overflow
+        return 2.0 * (free_m / (self.reaction_s + root_s))
 
 
 class Sight(NamedTuple):
