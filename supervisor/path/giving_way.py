@@ -9,7 +9,8 @@ step: who stands may walk. With the reaction time ρ,
     beside it             the same, or v ≤ 2·b·(t - ρ), or s ≤ v·t
 
 The second alternative is v·ρ + v²/(2·b) ≤ v·t: wherever the car is when the road user steps out, it either stops
-before it, or its front has passed before the road user is in the strip, which is the third one. b is the
+before it, or its front has passed before the road user is in the strip, which is the third one. Of one that already
+walks towards the strip s reaches to the rear bumper there, because it would walk or ride into the side. b is the
 comfortable deceleration where the road user already walks towards the strip, the strongest one where it stands at
 the edge; a least speed beside those who stand keeps the car from waiting for a bystander.
 RSS names these terms (Shalev-Shwartz, Shammah, Shashua, On a Formal Model of Safe and Scalable Self-driving Cars,
@@ -93,6 +94,7 @@ class Encounter(NamedTuple):
     closing_mps: float  # of the gap, by its velocity
     along_mps: float  # speed along the lane, away from the car
     step_mps: float
+    car_m: float  # length of the car
 
     @property
     def enters_s(self) -> float:
@@ -122,6 +124,7 @@ def encounter(user: RoadUser, lane: Lane, settings: GivingWaySettings, vehicle: 
         closing_mps=-math.copysign(1.0, aside_m) * (y_mps - slope * x_mps),
         along_mps=along_mps,
         step_mps=of_kind.step_mps,
+        car_m=vehicle.rear_overhang_m + vehicle.wheelbase_m + vehicle.front_overhang_m,
     )
 
 
@@ -149,14 +152,18 @@ def permitted_mps(one: Encounter, speed_mps: float, settings: GivingWaySettings)
     pass_mps = 2 * decel_mps2 * at_least(one.enters_s - s.reaction_s, 0.0)
     if not walks or one.free_m <= 0.0:
         pass_mps = at_least(pass_mps, s.passing_mps)
-    if passes_first(one, speed_mps):
+    if passes_first(one, speed_mps, s):
         pass_mps = at_least(pass_mps, speed_mps)
     return at_least(pass_mps, stop_mps)
 
 
-def passes_first(one: Encounter, speed_mps: float) -> bool:
-    """Whether the front of the car passes ``one`` at this speed before it may be in the strip."""
-    return one.gap_m > 0.0 and one.free_m < speed_mps * one.enters_s
+def passes_first(one: Encounter, speed_mps: float, s: GivingWaySettings) -> bool:
+    """Whether the car passes ``one`` at this speed before it may be in the strip.
+
+    The front counts, but the whole car before one that walks towards the strip.
+    """
+    past_m = one.free_m + (one.car_m if one.free_m > 0.0 and one.closing_mps >= s.moving_mps else 0.0)
+    return one.gap_m > 0.0 and past_m < speed_mps * one.enters_s
 
 
 def _behind_cyclist_mps(one: Encounter, s: GivingWaySettings) -> float:
@@ -168,7 +175,7 @@ def _behind_cyclist_mps(one: Encounter, s: GivingWaySettings) -> float:
 def needs_more(one: Encounter, speed_mps: float, decel_mps2: float, s: GivingWaySettings) -> bool:
     """Whether a brake with ``decel_mps2`` would end too near to ``one``, which is in the strip or walks into it."""
     enters = one.closing_mps >= s.moving_mps and one.enters_s <= s.sure_s
-    if one.free_m <= 0.0 or not (one.gap_m <= 0.0 or (enters and not passes_first(one, speed_mps))):
+    if one.free_m <= 0.0 or not (one.gap_m <= 0.0 or (enters and not passes_first(one, speed_mps, s))):
         return False
     along_mps = at_least(one.along_mps, 0.0) if one.kind == CYCLIST else 0.0
     over = at_least(speed_mps**2 - along_mps**2, 0.0) / (2 * decel_mps2)

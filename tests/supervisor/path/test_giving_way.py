@@ -48,6 +48,14 @@ encounters = st.builds(
     closing_mps=st.floats(-4, 4),
     along_mps=st.floats(-6, 6),
     step_mps=st.floats(0.5, 3),
+    car_m=st.floats(0, 8),
+)
+walkers = st.builds(
+    Encounter._replace,
+    encounters,
+    free_m=st.floats(0.01, 80),
+    gap_m=st.floats(0.01, 12),
+    closing_mps=st.floats(S.moving_mps, 6),
 )
 speeds = st.floats(0, 30)
 
@@ -115,7 +123,7 @@ def test_a_nearer_faster_or_closer_one_never_permits_more(
 ) -> None:
     assume(one.free_m - nearer > 0 and not (one.kind == "cyclist" and one.along_mps >= S.moving_mps))
     # beyond the place that the car passes before a step out the rule is another one
-    assume(not passes_first(one._replace(gap_m=one.gap_m, free_m=one.free_m - nearer), speed_mps))
+    assume(not passes_first(one._replace(gap_m=one.gap_m, free_m=one.free_m - nearer), speed_mps, S))
     before = permitted_mps(one, speed_mps, S)
     for worse in (
         one._replace(free_m=one.free_m - nearer),
@@ -146,6 +154,18 @@ def test_the_cap_is_a_speed_for_every_input(present: list[RoadUser], speed_mps: 
     found = way(*present, speed_mps=speed_mps)
     assert found.cap_mps >= 0 and found.time_s >= 0
     assert (found.kind == "") == (found.ahead_m is None) == math.isinf(found.cap_mps)
+
+
+@given(one=walkers, speed_mps=speeds)
+def test_before_one_that_walks_in_the_whole_car_passes_or_it_can_stop(
+    one: Encounter, speed_mps: float
+) -> None:
+    """At its cap the car stops before one that walks on, or its rear is past when that one is in the strip."""
+    v = min(speed_mps, permitted_mps(one, speed_mps, S))
+    stops_m = v * S.reaction_s + v**2 / (2 * S.decel_mps2)
+    arrives_s = one.gap_m / max(one.closing_mps, one.step_mps)
+    gone = one.free_m + one.car_m <= v * arrives_s + 1e-9
+    assert gone or stops_m <= max(one.free_m, v * arrives_s) + 1e-9
 
 
 def test_the_strip_follows_the_bend_of_the_lane() -> None:
