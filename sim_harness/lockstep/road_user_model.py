@@ -4,8 +4,8 @@ A detector finds the ground point in the image. With the focal length f and the 
 pixels at the feet turns the distance x from the lens into x / (1 + e·x/(f·h)), which moves the ground point along
 its ray: the error grows with the square of the distance. An error of e pixels to the side moves it by e·x/f. Both
 errors are first-order Gauss-Markov processes (Gelb, Applied Optimal Estimation (1974), section 3.7). A road user is
-reported after a while in sight, is lost and found again with rates that depend on its distance, and its velocity
-follows the true one with a lag.
+reported after a while in sight, and missed and found again with rates that depend on its distance; its velocity
+follows the true one with a lag, also over frames that miss it.
 """
 
 import math
@@ -31,7 +31,7 @@ class RoadUserModelSettings(Settings):
     memory_s: Positive  # of both errors
     found_after_s: NonNegative  # in sight until the first report
     lost_for_s: Positive  # mean length of a loss of sight
-    velocity_after_s: NonNegative  # from the first report on
+    velocity_after_s: NonNegative  # after the first report
     velocity_lag_s: Positive
     velocity_sigma_mps: NonNegative
 
@@ -48,7 +48,7 @@ class _Track:
 
     errors: Array  # foot, side, and the two axes of the velocity
     in_sight_s: float = 0.0
-    reported_s: float = 0.0
+    tracked_s: float = 0.0
     detected: bool = True
     velocity_mps: Array | None = field(default=None)
 
@@ -101,8 +101,9 @@ class RoadUserModel:
         seen = float(np.interp(away_m, s.distances_m, s.seen, right=0.0)) if in_image else 0.0
         track.in_sight_s = track.in_sight_s + dt_s if seen > 0.0 else 0.0
         self._lose_or_find(track, seen, dt_s, chance)
-        if track.in_sight_s < s.found_after_s or seen == 0.0 or not track.detected:
-            track.reported_s, track.velocity_mps = 0.0, None
+        if seen == 0.0:
+            track.tracked_s, track.velocity_mps = 0.0, None
+        if track.in_sight_s < s.found_after_s or seen == 0.0:
             return None
         foot, side, *velocity_errors = track.errors.tolist()
         ratio = 1 / max(1 + s.foot_sigma_px * foot * away_m / (camera.fy_px * camera.height_m), 0.5)
@@ -111,8 +112,10 @@ class RoadUserModel:
         true_mps = np.array((truth.x_mps[place], truth.y_mps[place]))
         before_mps = np.zeros(2) if track.velocity_mps is None else track.velocity_mps
         track.velocity_mps = true_mps + (before_mps - true_mps) * math.exp(-dt_s / s.velocity_lag_s)
-        known = track.reported_s >= s.velocity_after_s
-        track.reported_s += dt_s
+        known = track.tracked_s >= s.velocity_after_s
+        track.tracked_s += dt_s
+        if not track.detected:
+            return None
         noisy = (track.velocity_mps + s.velocity_sigma_mps * np.array(velocity_errors)).tolist()
         x_mps, y_mps = noisy if known else (math.nan, math.nan)
         return truth.kinds[place], x_m, y_m, x_mps, y_mps
