@@ -88,6 +88,7 @@ class Pictures:
 
     def __init__(self, renderer: Renderer, images: dict[float, Image]) -> None:
         self._renderer, self._images = renderer, images
+        self.seed = renderer.seed
 
     def render(self, *pose: float, t_s: float, **view: Any) -> Image:
         """The image at ``t_s``."""
@@ -207,7 +208,8 @@ def cause_of(decision: Decision) -> str:
     rules, analyser = _rules()
     values = dict(zip(decision.inputs, decision.input_values, strict=True))
     cause = rules.evaluate(values).cause
-    return CALM if cause == CALM else explained(cause, analyse(values, analyser, ages_s={"": math.nan}))
+    finding = analyse(values, analyser, ages_s={"": math.nan})
+    return CALM if cause == CALM else explained(cause, finding, decision.sight_cause)
 
 
 def decisions_of(task: Task) -> list[Decision]:
