@@ -42,6 +42,7 @@ from supervisor.rules.rule_file import RuleFile
 from supervisor.supervisor import Supervisor
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
+from trepid.causes import Cause
 from trepid.config import CONFIG_DIR, default_file, load
 from trepid.messages import (
     Command,
@@ -285,7 +286,7 @@ class ClosedLoop:
             now_s + self._scenario.camera.latency_s,
             {name: self._falsified(name, estimate, now_s) for name, estimate in estimates.items()},
             self._judge(frame, now_s) if frame else clear_view(shot.truth.t_s, shot.sight),
-            self._find_lead(frame, state, now_s) if "lead" not in lost else None,
+            self._find_lead(shot, state, now_s) if "lead" not in lost else None,
             self._find_road_users(frame, lost),
         )
 
@@ -294,14 +295,17 @@ class ClosedLoop:
         lane = next(iter(self._stack.estimates.values()), None)
         return self._parts.judge.step(frame, lane, now_s=now_s)
 
-    def _find_lead(self, frame: Frame | None, state: VehicleState, now_s: float) -> LeadVehicle | None:
+    def _find_lead(self, shot: Shot, state: VehicleState, now_s: float) -> LeadVehicle | None:
         """The vehicle ahead; the detector uses the lanes of earlier frames, as a process of its own does."""
         match self._parts.lead:
             case LeadFinder() as finder:
                 lanes = self._stack.estimates.values()
-                return finder.step(frame, state, lanes, now_s=now_s) if frame else None
+                return finder.step(shot.frame, state, lanes, now_s=now_s) if shot.frame else None
             case LeadModel() as model:
-                return model.step(self._parts.vehicle.sense_lead())
+                sight, within_m = shot.sight, math.inf
+                if sight is not None and sight.cause == Cause.FOG:
+                    within_m = sight.distance_m - self._parts.vehicle.nose_m
+                return model.step(self._parts.vehicle.sense_lead(), within_m=within_m)
         return self._parts.vehicle.sense_lead()
 
     def _find_road_users(self, frame: Frame | None, lost: Set[str]) -> RoadUsers | None:

@@ -54,10 +54,15 @@ class LeadModel:
         self._speed_mps: float | None = None
         self._t_s: float | None = None
 
-    def step(self, lead: LeadVehicle | None) -> LeadVehicle | None:
-        """The output of the detector for the true ``lead``; None in a run without other vehicles."""
+    def step(self, lead: LeadVehicle | None, *, within_m: float = math.inf) -> LeadVehicle | None:
+        """The output of the detector for the true ``lead``; None in a run without other vehicles.
+
+        ``within_m``: distance from the front bumper up to which the air lets it see.
+        """
         if lead is None:
             return None
+        if lead.distance_m is not None and lead.distance_m > within_m:
+            lead = LeadVehicle(t_s=lead.t_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0)
         s, dt_s = self._settings, 0.0 if self._t_s is None else lead.t_s - self._t_s
         self._t_s = lead.t_s
         kept = math.exp(-dt_s / s.memory_s)

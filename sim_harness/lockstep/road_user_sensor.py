@@ -7,10 +7,11 @@ from sim_harness.lockstep.contact import Box
 from sim_harness.lockstep.line_of_sight import Solid, seen_share
 from sim_harness.lockstep.road_user_model import RoadUserModel, build_road_user_model
 from sim_harness.lockstep.road_users import Walker
-from sim_harness.lockstep.traffic import Actor
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
 from sim_harness.scenarios.road_users import UserSensor
 from sim_harness.world.render.scene.people import Kind
+from sim_harness.world.roads.road import Road
+from sim_harness.world.sight_lines import SightLines, Spot
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import RoadUsers
@@ -24,6 +25,7 @@ class RoadUserSensor:
     ) -> None:
         """Without a ``model`` the measurement is exact."""
         self._camera, self._settings, self._model = camera, settings, model
+        self._lines: SightLines | None = None  # of the road of the first step
 
     def step(self, vehicle: SimulatedVehicle) -> RoadUsers | None:
         """The road users now; None in a run without any, in which this sensor does not run."""
@@ -31,22 +33,39 @@ class RoadUserSensor:
         if not walkers:
             return None
         box = vehicle.box
-        numbers = self._visible(box, walkers, vehicle.others)
+        if self._lines is None:
+            self._lines = SightLines(vehicle.road)
+        numbers = self._visible(box, walkers, vehicle, self._lines)
         truth = _measured(box, [walkers[number] for number in numbers], t_s=vehicle.now_s)
         return self._model.step(truth, numbers) if self._model else truth
 
-    def _visible(self, ego: Box, walkers: Sequence[Walker], others: Sequence[Actor]) -> tuple[int, ...]:
+    def _visible(
+        self, ego: Box, walkers: Sequence[Walker], vehicle: SimulatedVehicle, lines: SightLines
+    ) -> tuple[int, ...]:
         """Numbers of the road users within the range and in sight."""
         eye_m = (*ego.at(self._camera.x_m, self._camera.y_m), self._camera.height_m)
-        solids = [Solid(other.box, other.body.height_m) for other in others]
+        solids = [Solid(other.box, other.body.height_m) for other in vehicle.others]
         found = []
         for number, walker in enumerate(walkers):
             ahead_m, left_m = ego.seen(*walker.pose[:2])
             within = ahead_m > 0.0 and math.hypot(ahead_m, left_m) <= self._settings.road_user_range_m
             body = Solid(walker.box, walker.figure.height_m)
-            if within and seen_share(eye_m, body, solids) >= self._settings.road_user_seen_share:
+            if not within or not self._leads_to(eye_m, walker, vehicle.road, lines):
+                continue
+            if seen_share(eye_m, body, solids) >= self._settings.road_user_seen_share:
                 found.append(number)
         return tuple(found)
+
+    @staticmethod
+    def _leads_to(eye_m: tuple[float, float, float], walker: Walker, road: Road, lines: SightLines) -> bool:
+        """Whether walls and crests leave the middle of a road user in sight."""
+        if lines.hide_nothing:
+            return True
+        eye, spot = (
+            Spot(road.local_coordinates(x_m, y_m)[0], x_m, y_m, up_m)
+            for x_m, y_m, up_m in (eye_m, (*walker.pose[:2], walker.figure.height_m / 2))
+        )
+        return lines.are_free(eye, spot)
 
 
 def _measured(ego: Box, walkers: Sequence[Walker], *, t_s: float) -> RoadUsers:

@@ -14,6 +14,7 @@ from sim_harness.lockstep.referee import foot_point
 from sim_harness.scenarios.traffic import ChangeLane, ChangeSpeed, Phase, TrafficVehicle, TurnOff
 from sim_harness.world.roads.lanes import RoadLane
 from sim_harness.world.roads.road import Road
+from sim_harness.world.sight_lines import SightLines, Spot
 from trepid.messages import LeadVehicle
 
 INTO_LANE_M = 0.3
@@ -174,7 +175,7 @@ class Traffic:
         self, vehicles: Sequence[TrafficVehicle], road: Road, *, nose_m: float, elapsed_s: float = 0.0
     ) -> None:
         """``nose_m``: station of the ego front bumper at t = 0; ``elapsed_s`` ≤ 0: the time now."""
-        self._road = road
+        self._road, self._lines = road, SightLines(road)
         self.actors = [Actor(vehicle, road, nose_m=nose_m, elapsed_s=elapsed_s) for vehicle in vehicles]
 
     def step(self, elapsed_s: float, dt_s: float, *, nose_m: float) -> None:
@@ -208,11 +209,14 @@ class Traffic:
                 nearest = actor, gap_m
         return nearest
 
-    def measured_lead(self, ego: Box, *, nose_m: float, range_m: float, t_s: float) -> LeadVehicle | None:
+    def measured_lead(
+        self, ego: Box, *, nose_m: float, range_m: float, height_m: float, t_s: float
+    ) -> LeadVehicle | None:
         """The nearest vehicle in the lane, as an exact range sensor on the front bumper measures it.
 
-        Confidence 0 where there is none within ``range_m``; None in a run without other vehicles, in which this
-        sensor does not run. ``nose_m``: station of the ego front bumper.
+        Confidence 0 where there is none within ``range_m``, or where walls or crests hide its middle from the
+        sensor, ``height_m`` above the road; None in a run without other vehicles, in which this sensor does not
+        run. ``nose_m``: station of the ego front bumper.
         """
         if not self.actors:
             return None
@@ -220,7 +224,9 @@ class Traffic:
         if ahead is not None:
             box = ahead[0].box
             distance_m = min(ego.seen(*corner)[0] for corner in box.corners()) - ego.front_m
-            if distance_m <= range_m:
+            eye = Spot(nose_m, *ego.at(ego.front_m), height_m)
+            middle = Spot(ahead[0].station_m, *ahead[0].pose[:2], ahead[0].body.height_m / 2)
+            if distance_m <= range_m and self._lines.are_free(eye, middle):
                 ends = [ego.seen(*box.at(x_m)) for x_m in (box.rear_m, box.front_m)]
                 return LeadVehicle(
                     t_s=t_s,

@@ -41,6 +41,7 @@ class SimulatorSettings(Settings):
     max_offset_m: Positive
     run_up_s: Positive
     lead_range_m: Positive
+    lead_sensor_height_m: Positive
     road_user_range_m: Positive
     road_user_seen_share: Share
 
@@ -82,13 +83,13 @@ class SimulatedVehicle:
         self._settings, self._period_s = settings, settings.period_s
         self._noise = _standard_normal(seed)
         self._referee = Referee(road, self._vehicle, max_offset_m=settings.max_offset_m)
-        self._nose_m = self._vehicle.wheelbase_m + self._vehicle.front_overhang_m
+        self.nose_m = self._vehicle.wheelbase_m + self._vehicle.front_overhang_m  # from the rear axle
         self._route_end_m = scenario.start.station_m + scenario.route_m(road)
         self._start = scenario.start
         self._run_up_ticks = round(settings.run_up_s / settings.period_s) if scenario.start.speed_mps else 0
         self._ticks = -self._run_up_ticks  # periods since t = 0
         self._pose, self._place = self._first()
-        nose_m = scenario.start.station_m + self._nose_m
+        nose_m = scenario.start.station_m + self.nose_m
         self._traffic = Traffic(scenario.traffic, road, nose_m=nose_m, elapsed_s=self._elapsed_s)
         self._users = RoadUsersAround(scenario.road_users, road, nose_m=nose_m, elapsed_s=self._elapsed_s)
         self._origin_s: float | None = None  # t = 0 of the run
@@ -129,8 +130,9 @@ class SimulatedVehicle:
 
     def sense_lead(self) -> LeadVehicle | None:
         """The vehicle ahead as an exact range sensor measures it, see :meth:`Traffic.measured_lead`."""
-        nose_m, range_m = self._place.station_m + self._nose_m, self._settings.lead_range_m
-        return self._traffic.measured_lead(self.box, nose_m=nose_m, range_m=range_m, t_s=self.now_s)
+        nose_m, settings = self._place.station_m + self.nose_m, self._settings
+        reach = dict(range_m=settings.lead_range_m, height_m=settings.lead_sensor_height_m)
+        return self._traffic.measured_lead(self.box, nose_m=nose_m, t_s=self.now_s, **reach)
 
     @property
     def others(self) -> list[Actor]:
@@ -154,7 +156,7 @@ class SimulatedVehicle:
 
     def _advance(self, applied: Command) -> None:
         """One period of all motion, then the referee's judgement."""
-        period_s, nose_m = self._period_s, self._place.station_m + self._nose_m
+        period_s, nose_m = self._period_s, self._place.station_m + self.nose_m
         self._traffic.step(self._elapsed_s, period_s, nose_m=nose_m)
         self._users.step(self._elapsed_s, period_s, nose_m=nose_m)
         self._ticks += 1
@@ -188,7 +190,7 @@ class SimulatedVehicle:
     def box(self) -> Box:
         """The outline of the car on the ground."""
         pose, vehicle = self._pose, self._vehicle
-        return Box(pose.x_m, pose.y_m, pose.yaw_rad, -vehicle.rear_overhang_m, self._nose_m, vehicle.track_m)
+        return Box(pose.x_m, pose.y_m, pose.yaw_rad, -vehicle.rear_overhang_m, self.nose_m, vehicle.track_m)
 
     def _first(self) -> tuple[PlantState, Place]:
         """The first pose: at rest at the start, or rolling towards it."""
@@ -239,7 +241,7 @@ class SimulatedVehicle:
     def _truth(self) -> SimTruth:
         pose, (station_m, offset_m, heading_error_rad) = self._pose, self._place
         referee, traffic, users = self._referee, self._traffic.snapshot(), self._users.places()
-        lead = self._traffic.ahead(station_m + self._nose_m) if self._traffic.actors else None
+        lead = self._traffic.ahead(station_m + self.nose_m) if self._traffic.actors else None
         lead_x_m, lead_y_m, lead_yaw_rad = lead[0].pose if lead else (None, None, None)
         return SimTruth(
             t_s=self.now_s,

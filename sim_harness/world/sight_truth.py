@@ -35,6 +35,7 @@ from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.roads.disturbance_table import CONTRAST_LOST, at, extinction_1pm, load_table
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, grades_at
 from sim_harness.world.roads.road import Road
+from sim_harness.world.sight_lines import SightLines, box_faces, meet
 from trepid.car.camera import Camera
 from trepid.causes import Cause
 from trepid.config import CONFIG_DIR, Settings, load
@@ -46,7 +47,6 @@ STEP_M = 2.0  # between the places that are tried first
 FINER = 64  # places within a step: to 3 cm
 NEAREST_M = 1.0  # ahead of the lens
 WITHIN_M = 120.0  # distance within which standing vehicles hide the road
-WALL_M = 3.0  # of a straight piece of a wall
 _SHARES = np.arange(1, FINER + 1) / FINER
 GREEN = 1  # the channel that stands for brightness
 
@@ -100,7 +100,7 @@ class SightTruth:
         self._standing = [
             one for d in parked for one in standing(self._road, d, self._table.occlusion, seed=seed)
         ]
-        self._walls, self._walls_at_m = _wall_faces(self._road)
+        self._lines = SightLines(self._road)
         self._ahead_m = np.arange(self._camera.x_m + NEAREST_M, self._settings.limit_m + STEP_M, STEP_M)
 
     def at(self, station_m: float, pose: Pose, vehicles: Sequence[tuple[Pose, Body]] = ()) -> SightDistance:
@@ -115,7 +115,9 @@ class SightTruth:
         view = _View(self._road, self._camera, self._optical, station_m, pose)
         coarse = view.places(self._ahead_m)
         near = [one for one in self._standing if math.dist(one[0][:2], pose[:2]) < WITHIN_M]
-        faces = np.concatenate([_faces([*near, *others], coarse), self._walls_near(station_m)])
+        faces = np.concatenate(
+            [_faces([*near, *others], coarse), self._lines.walls_from(station_m, self._settings.limit_m)]
+        )
         ends = [
             (self._settings.limit_m, ""),
             (view.first(coarse, view.beside), ""),
@@ -124,18 +126,11 @@ class SightTruth:
         if self._road.elevation is not None:
             ends.append((view.crest(coarse), Cause.CREST))
         if len(faces):
-            ends.append((view.first(coarse, lambda places: view.hidden(places, faces)), Cause.OCCLUDED))
+            ends.append(
+                (view.first(coarse, lambda places: meet(view.eye_m, places.world_m, faces)), Cause.OCCLUDED)
+            )
         distance_m, cause = min(ends, key=lambda end: end[0])
         return SightDistance(distance_m / larger, str(cause))
-
-    def _walls_near(self, station_m: float) -> Array:
-        """The faces of walls beside the lane ahead."""
-        if not len(self._walls):
-            return self._walls
-        ahead_m = self._walls_at_m - station_m
-        if self._road.closed:
-            ahead_m = ahead_m % self._road.length_m
-        return self._walls[(ahead_m > -WALL_M) & (ahead_m < self._settings.limit_m)]
 
     def _in_the_air(self, view: "_View", coarse: Places) -> list[tuple[float, Cause]]:
         """Where fog and where darkness end the sight."""
@@ -206,8 +201,8 @@ class _View:
         self._axle_m = np.array([x, y, float(road.heights_at([station_m])[0])])
         self._grade = road.grade_at(station_m)
         self._lens_m = np.array([camera.x_m, camera.y_m, camera.height_m])
-        self._eye_m = self._world_from_vehicle @ self._lens_m + self._axle_m
-        self._eye_m[2] += self._grade * camera.x_m
+        self.eye_m = self._world_from_vehicle @ self._lens_m + self._axle_m
+        self.eye_m[2] += self._grade * camera.x_m
 
     def places(self, ahead_m: Array) -> Places:
         stations = self.station_m + ahead_m
@@ -252,19 +247,6 @@ class _View:
         column = camera.cx_px + camera.fx_px * right / np.maximum(depth, 1e-6)
         return np.asarray((depth <= 1e-6) | (column < -0.5) | (column > camera.width_px - 0.5), np.bool_)
 
-    def hidden(self, places: Places, faces: Array) -> Mask:
-        """Whether a face lies between lens and ground: x, y of both ends and the height of its top, (faces, 5)."""
-        ray = places.world_m - self._eye_m
-        start, along = faces[:, :2] - self._eye_m[:2], faces[:, 2:4] - faces[:, :2]
-        across = ray[:, None, 0] * along[:, 1] - ray[:, None, 1] * along[:, 0]
-        across = np.where(across == 0, np.nan, across)  # parallel: never met
-        with np.errstate(invalid="ignore"):
-            share = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / across  # of the ray
-            place = (start[:, 0] * ray[:, None, 1] - start[:, 1] * ray[:, None, 0]) / across  # on the face
-            low = self._eye_m[2] + share * ray[:, None, 2] <= faces[:, 4]
-            met = (share > 0) & (share <= 1) & (place >= 0) & (place <= 1) & low
-        return np.asarray(met.any(axis=1), np.bool_)
-
 
 def _faces(vehicles: Sequence[tuple[Pose, Body]], lane: Places) -> Array:
     """The sides of the boxes around ``vehicles``: x, y of both ends and the height of the top, (n, 5).
@@ -283,19 +265,5 @@ def _faces(vehicles: Sequence[tuple[Pose, Body]], lane: Places) -> Array:
             (body.front_m, half_m),
         )
         corners = [(x_m + a * cos - b * sin, y_m + a * sin + b * cos) for a, b in ends]
-        rows += [(*corners[i], *corners[(i + 1) % 4], top_m) for i in range(4)]
+        rows += box_faces(corners, top_m)
     return np.array(rows).reshape(-1, 5)
-
-
-def _wall_faces(road: Road) -> tuple[Array, Array]:
-    """The faces of all walls, as of :func:`_faces`, and the station of each."""
-    faces, stations_m = [np.empty((0, 5))], [np.empty(0)]
-    for wall in road.settings.walls:
-        count = max(math.ceil((wall.to_m - wall.from_m) / WALL_M), 1)
-        stations = np.linspace(wall.from_m, wall.to_m, count + 1)
-        tops_m = road.heights_at((stations[:-1] + stations[1:]) / 2) + wall.tall_m
-        for sign in wall.signs:
-            ends = road.positions(stations, sign * (road.widths_at(stations) / 2 + wall.distance_m))
-            faces.append(np.column_stack([ends[:-1], ends[1:], tops_m]))
-            stations_m.append(stations[:-1])
-    return np.concatenate(faces), np.concatenate(stations_m)

@@ -254,3 +254,20 @@ def test_on_a_hill_a_vehicle_at_rest_stays_there_with_its_brakes_and_rolls_downh
     uphill = run(vehicle_on(scenario_of(elevation=[dict(at_m=0.0, grade=0.08)])), drive(0.0, 0.0), 2.0)[1]
     assert held.speed_mps == uphill.speed_mps == 0.0
     assert free.speed_mps > 1.0
+
+
+def test_the_range_sensor_sees_no_vehicle_behind_a_crest_or_a_wall():
+    """Over a crest of 400 m radius, from 0.6 m to a car's middle at 0.74 m: √(2·400)·(√0.6 + √0.74) = 46.2 m."""
+    crest = dict(
+        elevation=[dict(at_m=0.0, grade=0.25), dict(at_m=200.0, grade=-0.25)], start=dict(station_m=50.0)
+    )
+    for gap_m, seen in ((40.0, True), (55.0, False)):
+        lead = vehicle_on(scenario_of(traffic=[{"gap_m": gap_m}], **crest)).sense_lead()
+        assert (lead.distance_m is not None) is seen
+    bend = dict(
+        segments=[dict(length_m=150.0, curvature_1pm=1 / 40)],
+        walls=[dict(side="left", from_m=0.0, to_m=150.0, distance_m=0.5)],
+    )
+    for walls, seen in ((bend["walls"], False), ([], True)):
+        lead = vehicle_on(scenario_of(traffic=[{"gap_m": 40.0}], **{**bend, "walls": walls})).sense_lead()
+        assert (lead.distance_m is not None) is seen
