@@ -21,7 +21,7 @@ FOCUS = 2.0  # Lin et al., Focal Loss for Dense Object Detection (ICCV 2017)
 
 
 class LeadNetwork(nn.Module):
-    """Four convolutions over strips (n, ROWS, COLUMNS, 3): 26 million multiply-adds for the 25 strips of a frame.
+    """Four convolutions over strips (n, ROWS, COLUMNS, 3): 34 million multiply-adds for the 33 strips of a frame.
 
     The rows are reduced to one, the columns halved: each cell has a receptive field of 3.2 m of one strip.
     """
@@ -105,7 +105,7 @@ class Exported(nn.Module):
 
 
 def export(network: LeadNetwork, path: Path) -> None:
-    """Write the network for the strips of one frame as one ONNX file."""
+    """Write the network for any number of strips as one ONNX file."""
     strips = torch.zeros((STRIPS, ROWS, COLUMNS, 3), dtype=torch.uint8)
     torch.onnx.export(
         Exported(network).eval(),
@@ -113,6 +113,7 @@ def export(network: LeadNetwork, path: Path) -> None:
         str(path),
         input_names=["strips"],
         output_names=["cells"],
+        dynamic_axes={"strips": {0: "strips"}, "cells": {0: "strips"}},
         opset_version=17,
         dynamo=False,
     )

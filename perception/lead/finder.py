@@ -36,6 +36,8 @@ class ChoiceSettings(Settings):
     min_confidence: OpenShare
     into_lane_m: Positive
     keep_m: Positive
+    always_m: Positive  # a leader is at most this far ahead, ...
+    within_s: Positive  # ... or this far in time, if that is farther
     lane_width_m: Positive
     max_lane_age_s: Positive
     min_lane_confidence: OpenShare
@@ -268,12 +270,13 @@ class Corridor:
         self._width_m = settings.lane_width_m
         self._lane = Lane(0.0, 0.0, arc_1pm, 0.0)
         self._gone_m = self._turned_rad = 0.0
+        speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
+        self._far_m = max(settings.always_m, settings.within_s * speed_mps)
         if lane is None:
             return
         if lane.has_boundaries:
             self._width_m = lane.lane_width_m or settings.lane_width_m
         self._lane = Lane.of_message(lane) or self._lane
-        speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
         self._gone_m, self._turned_rad = speed_mps * (t_s - lane.t_s), yaw_rate_radps * (t_s - lane.t_s)
 
     def centre_m(self, ahead_m: float) -> float:
@@ -284,7 +287,9 @@ class Corridor:
         return self._lane.y_m(near_m) + slope * (along_m - near_m) - self._turned_rad * ahead_m
 
     def reaches_in_m(self, ahead_m: float, left_m: float, width_m: float) -> float:
-        """How far a vehicle reaches into it beyond the ``into_lane_m`` that make it a leader."""
+        """How far a vehicle reaches into it beyond the ``into_lane_m`` that make it a leader; -inf too far."""
+        if ahead_m > self._far_m:
+            return -math.inf
         beside_m = abs(left_m - self.centre_m(ahead_m)) - width_m / 2
         return self._width_m / 2 - self._settings.into_lane_m - beside_m
 

@@ -171,9 +171,11 @@ class Tracker:
         self.tracks = [track for track in self.tracks if self._lives(track)]
 
     def _begin(self, at: Vector, noise: Vector, detection: Detection, speed_mps: float) -> None:
-        """A new track at the speed of the ego vehicle, or at rest."""
-        own = self.odometry.turn @ (0.0 if self._at_rest else speed_mps, 0.0)
+        """A new track at the speed of the ego vehicle, or at rest; half of that speed is within its deviation."""
+        first_mps = 0.0 if self._at_rest else speed_mps
+        own = self.odometry.turn @ (first_mps, 0.0)
         track = Track(at, noise, own, detection.width_m, self._settings)
+        track.covariance[2:, 2:] *= max(abs(first_mps) / 2 / self._settings.first_speed_sigma_mps, 1.0) ** 2
         track.kind = detection.kind
         track.log_odds = math.log(detection.confidence / (1 - detection.confidence))
         self.tracks.append(track)
