@@ -87,6 +87,13 @@ class BoxDetector:
 
     def __call__(self, image: Image) -> list[Detection]:
         """The road users in ``image``, in falling order of confidence."""
+        boxes = self.boxes(image)
+        seen = [on_road(self._camera, b.corners, b.confidence) for b in boxes if b.kind == VEHICLE]
+        seen += [standing(self._camera, box) for box in with_cyclists(boxes)]
+        return sorted(filter(None, seen), key=lambda detection: -detection.confidence)
+
+    def boxes(self, image: Image) -> list[Box]:
+        """The boxes in ``image``, those of a kind without overlaps."""
         found: dict[str, list[tuple[Floats, float]]] = {kind: [] for kind in self._kinds}
         for left, top, right, bottom in self._tiles():
             corners, scores = self._look(image[top:bottom, left:right])
@@ -97,14 +104,11 @@ class BoxDetector:
                 sure = best >= self._settings.min_score
                 found[kind] += zip(corners[sure] * scale + shift, best[sure].tolist(), strict=True)
         probability = self._settings.calibration
-        boxes = [
+        return [
             Box(kind, some[i][0], probability(some[i][1]))
             for kind, some in found.items()
             for i in _suppressed(some, self._settings.min_score)
         ]
-        seen = [on_road(self._camera, b.corners, b.confidence) for b in boxes if b.kind == VEHICLE]
-        seen += [standing(self._camera, box) for box in with_cyclists(boxes)]
-        return sorted(filter(None, seen), key=lambda detection: -detection.confidence)
 
     def _tiles(self) -> list[tuple[int, int, int, int]]:
         """The whole image, and a part around the horizon in which far vehicles are larger."""

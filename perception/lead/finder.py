@@ -298,6 +298,13 @@ def make_detector(settings: LeadSettings, camera: Camera) -> Detector:
     """The detector that ``settings`` name. Raises InputError."""
     if settings.detector is None:
         return StripDetector(resource(settings.weights), camera)
+    return box_detector(settings, camera)
+
+
+def box_detector(settings: LeadSettings, camera: Camera) -> BoxDetector:
+    """The detector of boxes that ``settings`` name. Raises InputError."""
+    if settings.detector is None:
+        raise InputError("the embedded detector finds no boxes; name another one in lead.yaml")
     if published := PUBLISHED.get(str(settings.detector)):
         return BoxDetector(fetched(str(settings.detector)), published.layout, camera)
     return BoxDetector(resource(settings.detector), settings.boxes, camera)

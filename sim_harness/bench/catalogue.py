@@ -117,6 +117,11 @@ BENCHMARKS = {
     "follow-detector": Benchmark("follow.detector", "recall and precision of the lead detector"),
     "follow-runs": Benchmark("follow.runs", "1000 cases of following with a modelled detector"),
     "follow-rendered": Benchmark("follow.runs", "40 cases of following with rendered images"),
+    "people": Benchmark(
+        "people.bench",
+        "people, cyclists and animals that step out, stand aside, ride ahead; their detector on real pictures",
+        pictured=False,
+    ),
     "study-speed": Benchmark(
         "study.loops",
         "angles of 5 mph at 5 to 25 mph, with and without transposition by understeer",

@@ -52,7 +52,7 @@ def bench(
         ),
     ] = "",
     quick: Annotated[
-        bool, typer.Option(help="perception, real, imitation, fear-severity, sight: a part of it.")
+        bool, typer.Option(help="perception, real, imitation, fear-severity, sight, people: a part of it.")
     ] = False,
     repeats: Annotated[
         int | None, typer.Option(min=1, help="perception: number of passes over the clips; default: 1.")
@@ -61,7 +61,7 @@ def bench(
         int | None,
         typer.Option(
             min=1,
-            help="perception, imitation, fear-severity, sight: processes; faults: drives at a time; default: 1.",
+            help="perception, imitation, fear-severity, sight, people: processes; faults: drives; default: 1.",
         ),
     ] = None,
     keep_frames: Annotated[
@@ -86,7 +86,8 @@ def bench(
     count: Annotated[
         int | None,
         typer.Option(
-            min=1, help="faults, logbook: number of each, default 100; fear-severity: of roads, default 2."
+            min=1,
+            help="faults, logbook, people: number of each, default 100; fear-severity: of roads, default 2.",
         ),
     ] = None,
     duration: Annotated[

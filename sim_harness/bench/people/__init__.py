@@ -1,0 +1,1 @@
+"""The car among people, cyclists and animals, and the detector of people on drawn and on real pictures."""
