@@ -287,7 +287,7 @@ class ClosedLoop:
             {name: self._falsified(name, estimate, now_s) for name, estimate in estimates.items()},
             self._judge(frame, now_s) if frame else clear_view(shot.truth.t_s, shot.sight),
             self._find_lead(shot, state, now_s) if "lead" not in lost else None,
-            self._find_road_users(frame, lost),
+            self._find_road_users(shot, lost),
         )
 
     def _judge(self, frame: Frame, now_s: float) -> ImageStatistics:
@@ -308,12 +308,12 @@ class ClosedLoop:
                 return model.step(self._parts.vehicle.sense_lead(), within_m=within_m)
         return self._parts.vehicle.sense_lead()
 
-    def _find_road_users(self, frame: Frame | None, lost: Set[str]) -> RoadUsers | None:
+    def _find_road_users(self, shot: Shot, lost: Set[str]) -> RoadUsers | None:
         """The people, cyclists and animals; those of the detector are of its last frame, that of the lead."""
         parts = self._parts
         if parts.road_user_sensor is not None:
-            return parts.road_user_sensor.step(parts.vehicle)
-        if not isinstance(parts.lead, LeadFinder) or frame is None or "lead" in lost:
+            return parts.road_user_sensor.step(parts.vehicle, shot.sight)
+        if not isinstance(parts.lead, LeadFinder) or shot.frame is None or "lead" in lost:
             return None
         return parts.lead.road_users
 

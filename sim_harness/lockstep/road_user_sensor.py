@@ -12,7 +12,9 @@ from sim_harness.scenarios.road_users import UserSensor
 from sim_harness.world.render.scene.people import Kind
 from sim_harness.world.roads.road import Road
 from sim_harness.world.sight_lines import SightLines, Spot
+from sim_harness.world.sight_truth import SightDistance
 from trepid.car.camera import Camera
+from trepid.causes import Cause
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import RoadUsers
 
@@ -27,28 +29,38 @@ class RoadUserSensor:
         self._camera, self._settings, self._model = camera, settings, model
         self._lines: SightLines | None = None  # of the road of the first step
 
-    def step(self, vehicle: SimulatedVehicle) -> RoadUsers | None:
-        """The road users now; None in a run without any, in which this sensor does not run."""
+    def step(self, vehicle: SimulatedVehicle, sight: SightDistance | None = None) -> RoadUsers | None:
+        """The road users now; None in a run without any, in which this sensor does not run.
+
+        ``sight``: the true sight of the camera, beyond which a modelled detector finds nobody in fog or darkness.
+        """
         walkers = vehicle.road_users
         if not walkers:
             return None
-        box = vehicle.box
+        box, reach_m = vehicle.box, self._settings.road_user_range_m
+        if self._model and sight is not None and sight.cause in (Cause.FOG, Cause.DARK):
+            reach_m = min(reach_m, sight.distance_m)
         if self._lines is None:
             self._lines = SightLines(vehicle.road)
-        numbers = self._visible(box, walkers, vehicle, self._lines)
+        numbers = self._visible(box, walkers, vehicle, self._lines, reach_m)
         truth = _measured(box, [walkers[number] for number in numbers], t_s=vehicle.now_s)
         return self._model.step(truth, numbers) if self._model else truth
 
     def _visible(
-        self, ego: Box, walkers: Sequence[Walker], vehicle: SimulatedVehicle, lines: SightLines
+        self,
+        ego: Box,
+        walkers: Sequence[Walker],
+        vehicle: SimulatedVehicle,
+        lines: SightLines,
+        reach_m: float,
     ) -> tuple[int, ...]:
-        """Numbers of the road users within the range and in sight."""
+        """Numbers of the road users within ``reach_m`` of the rear axle and in sight."""
         eye_m = (*ego.at(self._camera.x_m, self._camera.y_m), self._camera.height_m)
         solids = [Solid(other.box, other.body.height_m) for other in vehicle.others]
         found = []
         for number, walker in enumerate(walkers):
             ahead_m, left_m = ego.seen(*walker.pose[:2])
-            within = ahead_m > 0.0 and math.hypot(ahead_m, left_m) <= self._settings.road_user_range_m
+            within = ahead_m > 0.0 and math.hypot(ahead_m, left_m) <= reach_m
             body = Solid(walker.box, walker.figure.height_m)
             if not within or not self._leads_to(eye_m, walker, vehicle.road, lines):
                 continue

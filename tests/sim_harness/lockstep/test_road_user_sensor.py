@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import plant_rig
 import pytest
 from hypothesis import given
 from hypothesis import settings as within
@@ -17,6 +18,7 @@ from sim_harness.lockstep.road_user_sensor import build_road_user_sensor
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.road_users import UserSensor
 from sim_harness.scenarios.scenario import Scenario
+from sim_harness.world.sight_truth import SightDistance
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
@@ -66,6 +68,27 @@ def test_what_is_behind_the_rear_axle_or_out_of_range_is_not_seen_but_the_sensor
 
 def test_without_road_users_the_sensor_does_not_run():
     assert sensed() is None
+
+
+@pytest.mark.parametrize("cause", ["fog", "dark"])
+def test_a_modelled_detector_finds_nobody_beyond_the_sight_in_fog_or_darkness(cause):
+    car = car_in(scenario_of({"station_m": 25.0}))
+
+    def finds(kind, sight):
+        sensor = build_road_user_sensor(kind, seed=0)
+        return [bool(sensor.step(car, sight).kinds) for _ in car_steps(car)]
+
+    assert not any(finds(UserSensor.MODELLED, SightDistance(20.0, cause)))
+    assert any(finds(UserSensor.MODELLED, SightDistance(30.0, cause)))
+    assert any(finds(UserSensor.MODELLED, SightDistance(20.0, "occluded")))
+    assert all(finds(UserSensor.TRUTH, SightDistance(20.0, cause)))
+
+
+def car_steps(car):
+    """One second of a standing car at the rate of the camera."""
+    for _ in range(25):
+        car.step(plant_rig.command(0.0, 0.0), 0.0, now_s=car.now_s + 0.04)
+        yield
 
 
 def solid(x_m, y_m, yaw_rad=0.0, *, length_m=4.0, width_m=1.8, height_m=1.5):
