@@ -52,7 +52,11 @@ def bench(
         ),
     ] = "",
     quick: Annotated[
-        bool, typer.Option(help="perception, real, imitation, fear-severity, sight, people: a part of it.")
+        bool,
+        typer.Option(
+            help="perception, real, imitation, fear-severity, sight, people: a part of it; fear-supervision: the"
+            " supervised car alone."
+        ),
     ] = False,
     repeats: Annotated[
         int | None, typer.Option(min=1, help="perception: number of passes over the clips; default: 1.")

@@ -36,8 +36,10 @@ TARGETS = "targets: supervised 0; flagged 95 %; AUROC 0.97; nuisance 1 per 10 km
 FEAR_BINS = np.linspace(0.0, 1.0, 101)
 
 
-def drivers(case: Case) -> list[str]:
+def drivers(case: Case, *, supervised_only: bool = False) -> list[str]:
     """Drivers of the case; on clean roads only those that are compared there."""
+    if supervised_only:
+        return [SUPERVISED]
     return [*([Driver.AVERAGE] if case.clean else Driver), SUPERVISED]
 
 
@@ -88,21 +90,27 @@ def warnings_s(trace: Trace) -> list[float]:
     return found
 
 
-def bench_supervision(seed: int) -> Row:
-    """The table of drivers, and the figures of fear."""
-    return summary(driven(seed, CASES, WORK_DIR / "runs" / f"supervision_{seed}.jsonl"))
+def bench_supervision(seed: int, quick: bool = False) -> Row:
+    """The table of drivers, and the figures of fear; ``quick``: of the supervised car alone."""
+    path = WORK_DIR / "runs" / f"supervision_{seed}.jsonl"
+    return summary(driven(seed, CASES, path, supervised_only=quick))
 
 
-def driven(seed: int, count: int, path: Path) -> list[Row]:
+def driven(seed: int, count: int, path: Path, *, supervised_only: bool = False) -> list[Row]:
     """Every drive; stored ones are read from ``path``."""
-    tasks = {f"{case.key} {name}": (case, str(name)) for case in cases(seed, count) for name in drivers(case)}
+    tasks = {
+        f"{case.key} {name}": (case, str(name))
+        for case in cases(seed, count)
+        for name in drivers(case, supervised_only=supervised_only)
+    }
     return stored_rows(path, driven_row, tasks)
 
 
 def summary(rows: list[Row]) -> Row:
     """Departures of every driver on the hard drives, and the figures of fear."""
     table: Row = {}
-    for name in [*Driver, SUPERVISED]:
+    named = {r["driver"] for r in rows}
+    for name in [name for name in (*Driver, SUPERVISED) if name in named]:
         hard = [r for r in rows if r["driver"] == name and not r["clean"]]
         left = sum(r["departures"] for r in hard)
         table[f"{name}: departures"] = (
@@ -144,8 +152,8 @@ def _cost(rows: list[Row]) -> Row:
     ours, fearless = clean[SUPERVISED], clean[Driver.AVERAGE]
     km = sum(r["distance_m"] for r in ours) / 1e3
     nuisances = sum((r["nuisance_per_km"] or 0.0) * r["distance_m"] / 1e3 for r in ours)
-    speeds = [a["mean_speed_mps"] / b["mean_speed_mps"] for a, b in zip(ours, fearless, strict=True)]
-    return {
-        "nuisance slow-downs on clean roads": f"{nuisances:.0f} in {km:.1f} km",
-        "loss of mean speed on clean roads": f"{100 * (1 - float(np.mean(speeds))):.1f} %",
-    }
+    cost: Row = {"nuisance slow-downs on clean roads": f"{nuisances:.0f} in {km:.1f} km"}
+    if fearless:
+        speeds = [a["mean_speed_mps"] / b["mean_speed_mps"] for a, b in zip(ours, fearless, strict=True)]
+        cost["loss of mean speed on clean roads"] = f"{100 * (1 - float(np.mean(speeds))):.1f} %"
+    return cost

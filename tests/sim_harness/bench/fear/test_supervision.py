@@ -52,6 +52,16 @@ def row(
     }
 
 
+def test_the_supervised_car_alone_has_the_drives_of_the_whole_benchmark() -> None:
+    clean, *_, hard = list(cases(3, 1))
+    for case in (clean, hard):
+        assert drivers(case, supervised_only=True) == [SUPERVISED]
+        assert SUPERVISED in drivers(case)
+    alone = summary([row(SUPERVISED, clean=c) for c in (True, False)])
+    assert alone["supervised: departures"] == "0 in 1 drives, 1.0 km"
+    assert "cv: departures" not in alone and "loss of mean speed on clean roads" not in alone
+
+
 def test_the_summary_counts() -> None:
     rows = [row(d, clean=c) for d in (SUPERVISED, Driver.AVERAGE) for c in (True, False)]
     rows.append(row(Driver.CV, clean=False, departures=2, warned_s=(2.5, 0.4)))
