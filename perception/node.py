@@ -52,10 +52,11 @@ class EstimatorNode:
             me.alive()
             return
         began_s = me.now_s()
+        state = self._state.refresh()
         if self._judge is not None:  # before the estimate, which makes the supervisor decide
-            self._send_statistics(self._judge.step(frame, self._last, now_s=began_s))
+            self._send_statistics(self._judge.step(frame, self._last, state, now_s=began_s))
         started_s = time.perf_counter()
-        estimate = self._estimator.step(frame, self._state.refresh(), now_s=began_s)
+        estimate = self._estimator.step(frame, state, now_s=began_s)
         latency_ms = 1e3 * (time.perf_counter() - started_s)
         self._last = replace(estimate, latency_ms=latency_ms)
         self._send_estimate(self._last)

@@ -95,7 +95,7 @@ def nodes_of(tape: Tape, setup: Setup) -> dict[str, Node]:
         Node(
             STATISTICS,
             IMAGE_STATISTICS,
-            (CAMERA_IMAGE, *lanes[:1]),
+            (*seeing, *lanes[:1]),
             partial(_judge, names[:1]),
             0,
             frozenset(topic.key for topic in lanes[:1]),
@@ -249,7 +249,8 @@ def _judge(names: tuple[str, ...]) -> Step:
 
     def step(inputs: Inputs) -> Any:
         lane = next((inputs.read[key] for key in keys), None)
-        return node.step(inputs.read[CAMERA_IMAGE.key], lane, now_s=inputs.now_s)
+        frame, state = inputs.read[CAMERA_IMAGE.key], inputs.read[VEHICLE_STATE.key]
+        return node.step(frame, lane, state, now_s=inputs.now_s)
 
     return step
 

@@ -8,27 +8,35 @@ from perception.sight.settings import SightSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Frame, ImageStatistics, SteeringEstimate
+from trepid.messages import Frame, ImageStatistics, SteeringEstimate, VehicleState
 from trepid.scale import ReferenceWorld, scaled_settings
 
 
 class ImageJudge:
     """Image statistics with the sight distance of a camera on a car."""
 
-    def __init__(self, settings: SightSettings, camera: Camera, scale: float) -> None:
-        """``scale``: of the world of the car (:mod:`trepid.scale`), whose lengths ``camera`` has."""
+    def __init__(
+        self, settings: SightSettings, camera: Camera, scale: float, *, assumed: bool = False
+    ) -> None:
+        """``scale``: of the world of the car (:mod:`trepid.scale`), whose lengths ``camera`` has.
+
+        ``assumed``: the camera is self-calibrated.
+        """
         self._statistician = ImageStatistician()
-        self._observer = SightObserver(settings, scaled_settings(camera, 1 / scale))
+        self._observer = SightObserver(settings, scaled_settings(camera, 1 / scale), assumed=assumed)
         self._reference, self._scale = ReferenceWorld(scale), scale
 
-    def step(self, frame: Frame, lane: SteeringEstimate | None, *, now_s: float) -> ImageStatistics:
+    def step(
+        self, frame: Frame, lane: SteeringEstimate | None, state: VehicleState | None, *, now_s: float
+    ) -> ImageStatistics:
         """The statistics of ``frame``; its sight is None where the image does not say how far it reaches.
 
         ``lane``: the newest estimate of the lane, as a rule that of the frame before, because the statistics of a
         frame are published before its estimate; None: the ground straight ahead counts.
         """
         statistics = self._statistician.step(frame, now_s=now_s)
-        sight = self._observer.step(frame, self._reference.enlarged("lane", lane))
+        enlarged = self._reference.enlarged
+        sight = self._observer.step(frame, enlarged("lane", lane), enlarged("state", state))
         if sight is None:
             return statistics
         return replace(
@@ -39,8 +47,13 @@ class ImageJudge:
         )
 
 
-def build(camera: Camera | None = None, vehicle: Vehicle | None = None) -> ImageJudge:
-    """The judge for ``camera`` on ``vehicle``; None: those of the configuration. Raises InputError."""
+def build(
+    camera: Camera | None = None, vehicle: Vehicle | None = None, *, assumed: bool = False
+) -> ImageJudge:
+    """The judge for ``camera`` on ``vehicle``; None: those of the configuration. Raises InputError.
+
+    ``assumed``: the camera is self-calibrated.
+    """
     camera = camera or load(CONFIG_DIR / "camera.yaml", Camera)
     vehicle = vehicle or load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    return ImageJudge(load(CONFIG_DIR / "sight.yaml", SightSettings), camera, vehicle.scale)
+    return ImageJudge(load(CONFIG_DIR / "sight.yaml", SightSettings), camera, vehicle.scale, assumed=assumed)

@@ -10,17 +10,17 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.camera.grey import small_grey
 from perception.sight.air import AirFit
+from perception.sight.crest import CrestFinder, GroundEnd
 from perception.sight.dark import Lighting, dark_m, lighting, noise_grey
 from perception.sight.path import Path, path_of
 from perception.sight.settings import SightSettings
 from perception.sight.strip import Ground, GroundStrip, light_of
 from trepid.car.camera import Camera
 from trepid.causes import Cause
-from trepid.messages import Frame, SteeringEstimate
+from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Array, Floats, Image
 
 MIN_SIZE_PX = 32
@@ -42,26 +42,45 @@ class _Eye(NamedTuple):
     camera: Camera
     matrix: Array  # pixel from road
     strip: GroundStrip
+    ground_end: GroundEnd
     air: AirFit
     maps: tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None  # without lens distortion
+
+
+class _View(NamedTuple):
+    """One frame."""
+
+    eye: _Eye
+    grey: Image  # small, without lens distortion
+    light: Floats  # linear, above the ground
+    path: Path
+    ground: Ground
 
 
 class SightObserver:
     """Sight distances with one camera, in the reference world (:mod:`trepid.scale`)."""
 
-    def __init__(self, settings: SightSettings, camera: Camera) -> None:
+    def __init__(self, settings: SightSettings, camera: Camera, *, assumed: bool = False) -> None:
+        """``assumed``: the camera is self-calibrated. Its horizon is that of the image, and shows no crest."""
         self._settings, self._camera = settings, camera
+        self._crest = None if assumed else CrestFinder(settings.crest, camera.height_m)
         self._eyes: dict[tuple[int, ...], _Eye | None] = {}
         self._memory = _Memory(settings)
 
-    def step(self, frame: Frame, estimate: SteeringEstimate | None) -> Sight | None:
+    def step(
+        self, frame: Frame, estimate: SteeringEstimate | None, state: VehicleState | None = None
+    ) -> Sight | None:
         """The sight in ``frame``; None where the image does not say.
 
         ``estimate``: the lane, of this frame or of the one before; without one the ground straight ahead counts.
+        ``state``: without a speed no crest is told from what lies on the ground.
         """
-        return self._memory.step(self._seen(frame.image, estimate), frame.t_s)
+        return self._memory.step(self._seen(frame, estimate, state), frame.t_s)
 
-    def _seen(self, image: NDArray[np.uint8], estimate: SteeringEstimate | None) -> Sight | None:
+    def _seen(
+        self, frame: Frame, estimate: SteeringEstimate | None, state: VehicleState | None
+    ) -> Sight | None:
+        image, settings = frame.image, self._settings
         if image.dtype != np.uint8 or image.ndim not in (2, 3) or min(image.shape[:2]) < MIN_SIZE_PX:
             return None
         grey = small_grey(image)
@@ -70,56 +89,54 @@ class SightObserver:
             return None
         if eye.maps is not None:
             grey = np.asarray(cv2.remap(grey, *eye.maps, cv2.INTER_LINEAR), np.uint8)
-        settings = self._settings
-        path = path_of(estimate, eye.matrix, reach_m=settings.reach_m, known_m=settings.strip.path_known_m)
-        ground = eye.strip.look(grey, path)
-        light = light_of(grey[: eye.strip.first_row])
-        sure = estimate is not None and estimate.confidence >= SURE
-        ends = self._ends(eye, grey, light, ground, path, sure=sure)
-        return min(ends, key=lambda end: end.distance_m) if ends else None
-
-    def _ends(
-        self, eye: _Eye, grey: Image, light: Floats, ground: Ground, path: Path, *, sure: bool
-    ) -> list[Sight]:
-        """What ends the sight, and where; empty where nothing is known."""
-        settings, camera = self._settings, eye.camera
         sample = np.sort(grey[::4, ::4], axis=None)
         low, high = int(sample[len(sample) // 50]), int(sample[-len(sample) // 50])
-        if not ground.seen.any() or high - low < settings.least_range_grey:
-            return self._black(grey, eye) if high < settings.least_range_grey else []
-        ends = [Sight(settings.reach_m, settings.reach_m * settings.reach_sigma, "")]
-        sky = eye.air.sky(light, path)
-        air = eye.air.range_of(light, sky, ground, path)
+        if high - low < settings.least_range_grey:
+            return self._black(eye) if high < settings.least_range_grey else None
+        path = path_of(estimate, eye.matrix, reach_m=settings.reach_m, known_m=settings.strip.path_known_m)
+        view = _View(eye, grey, light_of(grey[: eye.strip.first_row]), path, eye.strip.look(grey, path))
+        sky = eye.air.sky(view.light, path)
+        air = eye.air.range_of(view.light, sky, view.ground, path)
         if air is None:
-            return []
-        if air.range_m + camera.x_m < settings.reach_m:
-            distance_m = air.range_m + camera.x_m
-            ends.append(Sight(distance_m, distance_m * air.sigma, Cause.FOG))
-        lost_m = self._dark_m(eye, grey, ground, lighting(ground, sky))
-        if lost_m + camera.x_m < settings.reach_m:
-            distance_m = lost_m + camera.x_m
-            ends.append(Sight(distance_m, distance_m * settings.dark.model_sigma, Cause.DARK))
-        beside_m = math.inf if not sure else _beside_m(camera, path, settings.strip.near_m)
-        if beside_m <= settings.strip.path_known_m:
-            ends.append(Sight(beside_m, beside_m * settings.reach_sigma, ""))
-        return ends
+            return None
+        lit = lighting(view.ground, sky)
+        lens_m, sure = eye.camera.x_m, estimate is not None and estimate.confidence >= SURE
+        beside_m = _beside_m(eye.camera, path, settings.strip.near_m) if sure else math.inf
+        ends = (
+            (settings.reach_m, settings.reach_sigma, ""),
+            (air.range_m + lens_m, air.sigma, Cause.FOG),
+            (self._dark_m(view, lit) + lens_m, settings.dark.model_sigma, Cause.DARK),
+            (self._crest_m(view, lit, state, frame.t_s) + lens_m, settings.crest.model_sigma, Cause.CREST),
+            (beside_m if beside_m <= settings.strip.path_known_m else math.inf, settings.reach_sigma, ""),
+        )
+        distance_m, sigma, cause = min(ends, key=lambda end: end[0])  # of equal ones the first
+        return Sight(distance_m, distance_m * sigma, cause)
 
-    def _dark_m(self, eye: _Eye, grey: Image, ground: Ground, light: Lighting) -> float:
-        """Distance from the lens [m] at which darkness ends the sight; infinite by day."""
-        if light is Lighting.DAY:
+    def _crest_m(self, view: _View, lit: Lighting, state: VehicleState | None, t_s: float) -> float:
+        """Distance [m] from the lens of a crest; infinite without one.
+
+        By night the cut-off of the own lamps lies on the road like the end of the ground.
+        """
+        if self._crest is None or lit is Lighting.LAMPS:
             return math.inf
-        settings = self._settings.dark
-        first = eye.strip.first_row
-        far = grey[
-            first : first + (len(grey) - first) // 3
-        ]  # as dark as the end of the sight: noise grows there
-        noise = noise_grey(far, least=settings.least_noise_grey)
-        by_lamps = light is Lighting.LAMPS
-        return dark_m(ground, eye.strip.middle_m, noise, eye.camera, settings, by_lamps=by_lamps)
+        end_m = view.eye.ground_end.ahead_m(view.grey, view.path)
+        crest_m = self._crest.step(end_m, None if state is None else state.speed_mps, t_s)
+        return math.inf if crest_m is None else crest_m
 
-    def _black(self, grey: Image, eye: _Eye) -> list[Sight]:
+    def _dark_m(self, view: _View, lit: Lighting) -> float:
+        """Distance [m] from the lens at which darkness ends the sight; infinite by day."""
+        if lit is Lighting.DAY:
+            return math.inf
+        settings, strip = self._settings.dark, view.eye.strip
+        ground = view.grey[strip.first_row :]
+        far = ground[: len(ground) // 3]  # as dark as the end of the sight: noise grows with darkness
+        noise = noise_grey(far, least=settings.least_noise_grey)
+        by_lamps = lit is Lighting.LAMPS
+        return dark_m(view.ground, strip.middle_m, noise, view.eye.camera, settings, by_lamps=by_lamps)
+
+    def _black(self, eye: _Eye) -> Sight:
         near_m = self._settings.strip.near_m + eye.camera.x_m
-        return [Sight(near_m, near_m * self._settings.dark.model_sigma, Cause.DARK)]
+        return Sight(near_m, near_m * self._settings.dark.model_sigma, Cause.DARK)
 
     def _eye_for(self, grey: Image) -> _Eye | None:
         """The tables for images like ``grey``; None where they are not of this camera, or show no ground."""
@@ -138,7 +155,8 @@ class SightObserver:
             return None
         settings = self._settings
         air = AirFit(camera, strip.distance_m, settings.air, reach_m=settings.reach_m)
-        return _Eye(camera, camera.pixel_from_road_matrix, strip, air, _undistortion(camera))
+        ground_end = GroundEnd(camera, settings.crest)
+        return _Eye(camera, camera.pixel_from_road_matrix, strip, ground_end, air, _undistortion(camera))
 
 
 class _Memory:

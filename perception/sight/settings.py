@@ -50,6 +50,20 @@ class DarkSettings(Settings):
     model_sigma: Positive
 
 
+class CrestSettings(Settings):
+    """Section ``crest``: the end of the ground below the horizon (:mod:`.crest`)."""
+
+    least_dip_rad: Positive
+    least_step: Positive
+    step_sigmas: Positive
+    memory_s: Positive
+    seen_share: Share
+    least_closing: float
+    most_closing: OpenShare
+    row_sigma_rad: Positive
+    model_sigma: Positive
+
+
 class SightSettings(Settings):
     """``config/sight.yaml``."""
 
@@ -62,3 +76,4 @@ class SightSettings(Settings):
     strip: StripSettings
     air: AirSettings
     dark: DarkSettings
+    crest: CrestSettings

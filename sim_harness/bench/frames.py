@@ -36,7 +36,7 @@ def bench_estimators() -> dict[str, Any]:
     lane: SteeringEstimate | None = None  # of the frame before, by the first estimator
     times_s: dict[str, list[float]] = {}
     for frame, state, part, _ in lap():
-        time_s = timed(judge.step, frame, lane, now_s=frame.t_s)
+        time_s = timed(judge.step, frame, lane, state, now_s=frame.t_s)
         times_s.setdefault("image_statistics", []).append(time_s)
         lanes: list[SteeringEstimate] = []
         for name, estimator in estimators.items():

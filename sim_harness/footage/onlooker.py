@@ -77,14 +77,14 @@ class Onlooker:
         """
         self._camera, self._vehicle, self._state_of = camera, vehicle, state_of
         self._estimators = build_beside(names, camera, vehicle, assumed=assumed, odometry=state_of.odometry)
-        self._finder, self._judge = finder, build_judge(camera, vehicle)
+        self._finder, self._judge = finder, build_judge(camera, vehicle, assumed=assumed)
         self._lane: SteeringEstimate | None = None  # of the frame before, by the first estimator
         self._supervisor = supervisor.supervisor.build(cruise_speed_mps=cruise_speed_mps)
 
     def step(self, frame: Frame) -> Onlooked:
         """The estimates of ``frame`` and the decision after them. Estimates without boundaries are outlined."""
         state, t_s = self._state_of(frame), frame.t_s
-        statistics = self._judge.step(frame, self._lane, now_s=t_s)
+        statistics = self._judge.step(frame, self._lane, state, now_s=t_s)
         found = {name: one.step(frame, state, now_s=t_s) for name, one in self._estimators.items()}
         self._lane = next(iter(found.values()), None)
         lead = self._finder.step(frame, state, found.values(), now_s=t_s) if self._finder else None

@@ -127,7 +127,7 @@ def resimulate(
         )
     # Odometry would measure another camera than that of the simulated world, which is that of the drive.
     built = build_beside(estimators, drive.camera, vehicle, assumed=assumed, odometry=Odometry.NONE)
-    return _Loop(drive, vehicle, start, built, run_up_s).run()
+    return _Loop(drive, vehicle, start, built, run_up_s, assumed).run()
 
 
 class _Loop:
@@ -140,6 +140,7 @@ class _Loop:
         start: Shift,
         estimators: Mapping[str, Estimator],
         run_up_s: float,
+        assumed: bool,
     ) -> None:
         self._drive, self._start = drive, start
         self._stations_m = drive.station_m
@@ -147,7 +148,7 @@ class _Loop:
         self._yaws_rad = cumulative_trapezoid(self._yaw_rates_radps, drive.t_s, initial=0.0)
         self._reprojection = Reprojection(drive.camera)
         self._estimators = estimators
-        self._judge = build_judge(drive.camera, vehicle)
+        self._judge = build_judge(drive.camera, vehicle, assumed=assumed)
         self._stack = Stack(
             supervisor.supervisor.build(cruise_speed_mps=float(drive.speed_mps.max())),
             controller.controller.build(vehicle),
@@ -176,7 +177,7 @@ class _Loop:
                     name: one.step(frame, state, now_s=now_s) for name, one in self._estimators.items()
                 }
                 lane = next(iter(stack.estimates.values()), None)  # of the frame before
-                statistics = self._judge.step(frame, lane, now_s=now_s)
+                statistics = self._judge.step(frame, lane, state, now_s=now_s)
                 stack.send(Perception(now_s + LATENCY_S, estimates, statistics, None))
                 if not driven:
                     surest = max(estimates.values(), key=lambda estimate: estimate.confidence)

@@ -285,15 +285,15 @@ class ClosedLoop:
         return Perception(
             now_s + self._scenario.camera.latency_s,
             {name: self._falsified(name, estimate, now_s) for name, estimate in estimates.items()},
-            self._judge(frame, now_s) if frame else clear_view(shot.truth.t_s, shot.sight),
+            self._judge(frame, state, now_s) if frame else clear_view(shot.truth.t_s, shot.sight),
             self._find_lead(shot, state, now_s) if "lead" not in lost else None,
             self._find_road_users(shot, lost),
         )
 
-    def _judge(self, frame: Frame, now_s: float) -> ImageStatistics:
+    def _judge(self, frame: Frame, state: VehicleState, now_s: float) -> ImageStatistics:
         """The judged image; the lane is the newest one of the first estimator, whose process judges the image."""
         lane = next(iter(self._stack.estimates.values()), None)
-        return self._parts.judge.step(frame, lane, now_s=now_s)
+        return self._parts.judge.step(frame, lane, state, now_s=now_s)
 
     def _find_lead(self, shot: Shot, state: VehicleState, now_s: float) -> LeadVehicle | None:
         """The vehicle ahead; the detector uses the lanes of earlier frames, as a process of its own does."""

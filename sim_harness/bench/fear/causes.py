@@ -216,7 +216,7 @@ class Watcher:
     def _look(self, moment: Moment, state: VehicleState, t_s: float) -> None:
         frame = Frame(t_s=t_s, image=moment.image)
         started_s = time.thread_time()
-        self._statistics = self._judge.step(frame, self._seen[ESTIMATORS[0]], now_s=t_s)
+        self._statistics = self._judge.step(frame, self._seen[ESTIMATORS[0]], state, now_s=t_s)
         self.looked_us.append(1e6 * (time.thread_time() - started_s))
         for name, estimator in self._estimators.items():
             if name == moment.silent:

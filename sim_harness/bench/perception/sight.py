@@ -38,7 +38,7 @@ from trepid.messages import Frame, ImageStatistics, SteeringEstimate, VehicleSta
 from trepid.types import Array
 
 PERIOD_S = 0.04
-WARM_UP, SCORED = 14, 4  # frames: the sight of the first ones grows slowly
+WARM_UP, SCORED = 24, 4  # frames: a crest is told from the ground within 0.8 s
 STEP = 3  # scored frames are this many frames apart
 DRIVES = {"clear": 12, "crest": 8, "wall": 8, "truck": 10}  # of each kind; of the others, of each grade
 OF_A_GRADE = 3
@@ -109,7 +109,7 @@ def drive(case: Case) -> list[Looked]:
         image = renderer.render(*pose, t_s=t_s, station_m=station_m, motion=motion, vehicles=vehicles)
         frame, state = Frame(t_s=t_s, image=image), _state(motion, t_s)
         started_s = time.thread_time()
-        seen = judge.step(frame, lane, now_s=t_s)
+        seen = judge.step(frame, lane, state, now_s=t_s)
         judged_s = time.thread_time()
         statistician.step(frame, now_s=t_s)
         ended_s = time.thread_time()
@@ -265,8 +265,8 @@ def real(folder: Path) -> Iterator[tuple[str, dict[str, float | int | None]]]:
         for part, sequence in sequences.items():
             seen = []
             for picture in islice(sequence.pictures(folder / name, REAL_EVERY), REAL_FRAMES):
-                judge = build_judge(picture.camera)
-                seen.append(judge.step(Frame(t_s=0.0, image=picture.image), None, now_s=0.0))
+                judge = build_judge(picture.camera, assumed=picture.assumed)
+                seen.append(judge.step(Frame(t_s=0.0, image=picture.image), None, None, now_s=0.0))
             if seen:
                 yield f"{name}, {part}", _clear_scores(seen)
 

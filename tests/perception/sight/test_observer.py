@@ -160,7 +160,7 @@ def test_after_a_silence_the_next_sight_starts_anew() -> None:
 def test_a_small_car_sees_as_far_in_its_own_world(scale: float) -> None:
     image = misty(60.0)
     judged = ImageJudge(SETTINGS, scaled_settings(CAMERA, scale), scale).step(
-        Frame(t_s=0.0, image=image), None, now_s=0.0
+        Frame(t_s=0.0, image=image), None, None, now_s=0.0
     )
     large = seen_in(image)
     assert large is not None
@@ -171,5 +171,5 @@ def test_a_small_car_sees_as_far_in_its_own_world(scale: float) -> None:
 
 def test_the_judge_leaves_the_sight_out_where_the_image_says_nothing() -> None:
     image = np.full((240, 320), 128, np.uint8)
-    judged = ImageJudge(SETTINGS, CAMERA, 1.0).step(Frame(t_s=0.0, image=image), None, now_s=0.0)
+    judged = ImageJudge(SETTINGS, CAMERA, 1.0).step(Frame(t_s=0.0, image=image), None, None, now_s=0.0)
     assert (judged.sight_m, judged.sight_sigma_m, judged.sight_cause) == (None, None, "")

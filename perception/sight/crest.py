@@ -1,0 +1,179 @@
+"""A crest: the ground ends below the horizon of the camera, and stays there while the car drives on.
+
+In every frame the lowest row is looked for in which the light steps on the road and on both sides of it: the
+end of the ground. On a flat road it is the horizon. The dip of the row below the horizon is that of flat ground
+at the distance D. Paint, shadows and joints across the road step as well, but they approach by the way s that
+the car drives: ρ = -dD/ds is 1. At a crest of radius R that begins x₀ ahead, the ray that touches it h below
+the lens does so at
+
+    x = √(x₀² + 2·R·h),    D = (x + x₀)/2,    ρ = (1 + x₀/x)/2
+
+so that ρ falls from 1 to ½ as the car comes near, and is 0 on the crest, where x₀ = 0. With x₀ eliminated,
+
+    x = D / max(ρ, ½)
+
+is the sight. Where only l metres of the arc remain and the road falls evenly behind it, all of it is seen as
+soon as l < √(2·R·h). The row is then that of its vanishing point, D = h·R/l grows with the way, and ρ ≤ -½: no
+crest.
+"""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from perception.sight.path import Path
+from perception.sight.settings import CrestSettings
+from trepid.car.camera import Camera
+from trepid.types import Array, Image
+
+BESIDE_M, ROAD_M = (
+    (4.5, 14.0),
+    1.2,
+)  # ground beside the lane, to each side, and half of the ground of the lane
+LEAST_PX = 6  # columns of a part
+DARKEST = 0.002  # linear light: a tenth of the grey scale
+LOG_LIGHT = np.log(np.maximum((np.arange(256) / 255) ** 2, DARKEST)).astype(np.float32)
+EDGE_PX = 3  # rows over which the steps of one edge are spread
+ABOVE_PX, STEPS_PX = 3, 2  # rows above the horizon that are looked at; rows on each side of a step
+TEXTURE_PX = (
+    26  # rows below the horizon from which on steps are the texture of the ground, at 190 px focal length
+)
+NEWEST_S = 0.2  # age of the newest end of the ground that still counts
+SIGMA_OF_MEDIAN = 1.48  # standard deviation over the median size of normal numbers
+
+
+class End(NamedTuple):
+    """The end of the ground in one frame."""
+
+    t_s: float
+    way_m: float  # driven so far
+    ahead_m: float  # distance from the lens at which flat ground has the row of the end
+
+
+class GroundEnd:
+    """Looks for the end of the ground with one camera."""
+
+    def __init__(self, camera: Camera, settings: CrestSettings) -> None:
+        self._camera, self._settings = camera, settings
+        horizon, scale = camera.horizon_row_px, camera.fy_px / 190.0
+        first = max(math.floor(horizon) - ABOVE_PX, 0)
+        last = min(math.floor(horizon + 70 * scale), camera.height_px)
+        self._rows = np.arange(first, last)
+        self._drop_px = self._rows - horizon
+        self._is_texture = self._drop_px > TEXTURE_PX * scale
+        # Near the horizon flat ground is far away; the row there shows what is 1.5 px below it.
+        below = np.arctan((np.maximum(self._rows, horizon + 1.5) - camera.cy_px) / camera.fy_px)
+        self._ahead_m = camera.height_m / np.tan(camera.pitch_down_rad + below)
+        per_m = camera.fx_px / self._ahead_m
+        sides = ((-BESIDE_M[1], -BESIDE_M[0]), (-ROAD_M, ROAD_M), BESIDE_M)
+        self._left_px = np.array([low * per_m for low, _ in sides])
+        self._right_px = np.array([high * per_m for _, high in sides])
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether the image shows ground from the horizon on."""
+        return bool(self._is_texture.sum() > 8 and self._drop_px[0] < 0)
+
+    def ahead_m(self, grey: Image, path: Path) -> float | None:
+        """Distance [m] from the lens of flat ground in the row where the ground ends; None: at the horizon."""
+        if not self.is_usable:
+            return None
+        settings, camera = self._settings, self._camera
+        light = self._light(grey, path)
+        steps = np.full(light.shape, np.nan)
+        inner = slice(STEPS_PX, -STEPS_PX)
+        steps[:, inner] = (light[:, :-4] + light[:, 1:-3] - light[:, 3:-1] - light[:, 4:]) / 2
+        size = np.abs(steps)
+        texture = size[:, self._is_texture]
+        if np.isnan(texture).all(axis=1).any():
+            return None
+        usual = SIGMA_OF_MEDIAN * np.nanmedian(texture, axis=1)
+        clear = np.maximum(settings.step_sigmas * usual, settings.least_step)[:, None]
+        found = np.flatnonzero((size >= clear).all(axis=0) & ~self._is_texture)  # NaN is not
+        if len(found) == 0:
+            return None
+        rows = found[found > found[-1] - EDGE_PX]  # of the lowest edge; trees and sky step above it
+        weight = size[:, rows].mean(axis=0)
+        drop_px = float(weight @ self._drop_px[rows] / weight.sum())
+        below = math.atan((camera.horizon_row_px + drop_px - camera.cy_px) / camera.fy_px)
+        dip_rad = camera.pitch_down_rad + below
+        return camera.height_m / math.tan(dip_rad) if dip_rad >= settings.least_dip_rad else None
+
+    def _light(self, grey: Image, path: Path) -> Array:
+        """Mean logarithm of the light left of the lane, on it and right of it, (3, rows); NaN: not in the image."""
+        rows = np.asarray(cv2.LUT(grey[self._rows[0] : self._rows[-1] + 1], LOG_LIGHT), np.float32)
+        sums = np.diff(cv2.integral(rows, sdepth=cv2.CV_64F), axis=0)
+        columns = np.nan_to_num(path.column_at(self._ahead_m + self._camera.x_m), nan=self._camera.cx_px)
+        left, right = columns + self._left_px, columns + self._right_px
+        short = np.maximum(LEAST_PX - (right - left), 0.0) / 2
+        width = grey.shape[1]
+        first = np.clip(np.floor(left - short), 0, width).astype(int)
+        last = np.clip(np.floor(right + short), 0, width).astype(int)
+        count = last - first
+        at = np.arange(len(self._rows))
+        return np.where(
+            count >= LEAST_PX // 2, (sums[at, last] - sums[at, first]) / np.maximum(count, 1), np.nan
+        )
+
+
+class CrestFinder:
+    """Tells a crest from what lies on the ground, over the last moments of a drive."""
+
+    def __init__(self, settings: CrestSettings, height_m: float) -> None:
+        """``height_m``: of the lens above the ground."""
+        self._settings, self._height_m = settings, height_m
+        self._ends: deque[End] = deque()
+        self._frames: deque[float] = deque()  # times of all frames looked at
+        self._way_m, self._t_s = 0.0, -math.inf
+
+    def step(self, ahead_m: float | None, speed_mps: float | None, t_s: float) -> float | None:
+        """Sight [m] from the lens up to a crest; None without one.
+
+        ``ahead_m``: the end of the ground in the frame of ``t_s``, as of :meth:`GroundEnd.ahead_m`. Without a known
+        speed nothing is told from the ground, and everything before is forgotten.
+        """
+        settings, dt_s = self._settings, t_s - self._t_s
+        self._t_s = t_s
+        if speed_mps is None or not math.isfinite(speed_mps) or not 0.0 <= dt_s <= settings.memory_s:
+            self._ends.clear()
+            self._frames.clear()
+            return None
+        self._way_m += speed_mps * dt_s
+        self._frames.append(t_s)
+        if ahead_m is not None:
+            self._ends.append(End(t_s, self._way_m, ahead_m))
+        while self._frames[0] < t_s - settings.memory_s:
+            self._frames.popleft()
+        while self._ends and self._ends[0].t_s < t_s - settings.memory_s:
+            self._ends.popleft()
+        if t_s - self._frames[0] < settings.memory_s / 2 or not self._ends:
+            return None
+        newest = self._ends[-1]
+        if t_s - newest.t_s > NEWEST_S:
+            return None
+        if len(self._ends) < settings.seen_share * len(self._frames):
+            return None
+        closing = self._closing()
+        return None if closing is None else newest.ahead_m / min(max(closing, 0.5), 1.0)
+
+    def _closing(self) -> float | None:
+        """ρ, where it is that of a crest: smaller than that of ground by more than chance; None elsewhere.
+
+        Theil-Sen's slope (Sen, JASA 63, 1968) between the older and the newer half: single wrong rows do not count.
+        """
+        half = len(self._ends) // 2
+        ends = list(self._ends)
+        pairs = [(a, b) for a, b in zip(ends[:half], ends[-half:], strict=True) if b.way_m - a.way_m > 0.0]
+        if not pairs:
+            return None
+        way_m = float(np.median([b.way_m - a.way_m for a, b in pairs]))
+        nearer = np.array([(a.ahead_m - b.ahead_m) / (b.way_m - a.way_m) for a, b in pairs])
+        closing = float(np.median(nearer))
+        farthest_m = max(end.ahead_m for end in ends)
+        apart_m = self._settings.row_sigma_rad * farthest_m**2 / self._height_m  # dD = D²/h·dα
+        if closing + apart_m / way_m >= self._settings.most_closing or closing < self._settings.least_closing:
+            return None
+        return closing
