@@ -65,6 +65,7 @@ class Tag(StrEnum):
     WEATHER = "weather"
     MARKING = "marking"
     TRAFFIC = "traffic"
+    PEOPLE = "people"
     FAULT = "fault"
     LATENCY = "latency"
     SPEED = "speed"

@@ -110,6 +110,9 @@ def test_every_kind_of_disturbance_fault_and_manoeuvre_occurs(scenarios):
     assert set.union(*(kinds(s.disturbances) for s in every)) == set(DisturbanceKind)
     assert set.union(*(kinds(s.faults) for s in every)) == faults
     assert set.union(*(kinds(v.phases) for s in every for v in s.traffic)) == manoeuvres
+    walks = {schema[name]["properties"]["kind"]["const"] for name in ("Cross", "ChangePace")}
+    assert set.union(*(kinds(u.phases) for s in every for u in s.road_users)) == walks
+    assert {user.shape for s in every for user in s.road_users} >= {"adult", "child", "cyclist", "deer"}
 
 
 def test_every_process_is_lost_once(scenarios):
