@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim_harness.judging.margins import STANDING_MPS, time_gap_s
-from sim_harness.judging.trace import Trace
+from sim_harness.judging.trace import USER_GAP, Trace
 from supervisor.modes.modes import STARTING
 from supervisor.rules.inference import FearRules
 from trepid.config import default_file
@@ -99,7 +99,7 @@ def nuisance_slowdowns_per_km(trace: Trace) -> float | None:
     A slow-down is a stretch in which fear is at least medium and the supervisor allows less than 90 % of the
     speed, while the vehicle moves at its beginning; breaks under 1 s do not end it. It is a nuisance when
     from 3 s before it to 3 s after it there was no departure, intervention or collision, no fault, no
-    disturbance, and no vehicle ahead within 2 s. The
+    disturbance, and no vehicle ahead or road user within 2 s. The
     remaining slow-downs are for the road itself and can be justified on a road that is hard to detect: compare the
     score between supervisors on the same road only.
     """
@@ -118,6 +118,8 @@ def nuisance_slowdowns_per_km(trace: Trace) -> float | None:
 def _reasons(trace: Trace) -> Mask:
     """Samples with a reason for fear."""
     reason: Mask = time_gap_s(trace) < CLOSE_GAP_S
+    if USER_GAP in trace.columns:
+        reason |= trace[USER_GAP] < CLOSE_GAP_S * trace["speed_mps"]
     for count in ("departures", "interventions", "collisions"):
         reason |= np.diff(trace[count], prepend=0.0) > 0
     for name, column in trace.columns.items():

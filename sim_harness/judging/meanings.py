@@ -25,6 +25,7 @@ MEANINGS = {
     "steering_reversals_per_min": "swings of the steering wheel by at least 2 degrees (SAE J2944)",
     "min_time_to_crossing_s": "least time until a wheel crosses the edge of the lane with the steering held",
     "min_lane_edge_distance_m": "least distance of a wheel from the edge of the lane; negative beyond it",
+    "min_road_user_gap_m": "least distance from a person, cyclist or animal; 0 in contact",
     "min_time_to_collision_s": "least gap divided by the closing speed",
     "fear_lead_time_s": "shortest time of at least medium fear before a departure",
     "fear_auroc": "probability that fear is higher before a departure than elsewhere",

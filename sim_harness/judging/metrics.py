@@ -21,7 +21,7 @@ from sim_harness.judging.margins import (
     time_to_collision_s,
     time_to_crossing_s,
 )
-from sim_harness.judging.trace import Trace
+from sim_harness.judging.trace import USER_GAP, Trace
 from trepid.types import Column
 
 INTERVENTION_S = 6.0  # Bojarski et al., End to End Learning for Self-Driving Cars (2016), section 5.2
@@ -97,6 +97,7 @@ class FurtherMetrics:
     min_time_to_crossing_s: float | None
     min_lane_edge_distance_m: float
     min_time_to_collision_s: float | None
+    min_road_user_gap_m: float | None
     fear_lead_time_s: float | None
     fear_auroc: float | None
     nuisance_slowdowns_per_km: float | None
@@ -110,6 +111,7 @@ def measure_further(trace: Trace) -> FurtherMetrics:
         min_time_to_crossing_s=_least(time_to_crossing_s(trace)),
         min_lane_edge_distance_m=float(lane_edge_distance_m(trace).min()),
         min_time_to_collision_s=_least(time_to_collision_s(trace)),
+        min_road_user_gap_m=_least(trace[USER_GAP]) if USER_GAP in trace.columns else None,
         fear_lead_time_s=fear_lead_time_s(trace),
         fear_auroc=fear_auroc(trace),
         nuisance_slowdowns_per_km=nuisance_slowdowns_per_km(trace),

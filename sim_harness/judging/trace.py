@@ -54,6 +54,7 @@ _TRUTH, _STATE = attrgetter(*TRUTH_COLUMNS), attrgetter(*STATE_COLUMNS)
 _COMMAND, _NO_COMMAND = attrgetter(*COMMAND_COLUMNS), (None,) * len(COMMAND_COLUMNS)
 _DECISION, _NO_DECISION = attrgetter(*DECISION_COLUMNS), (None,) * len(DECISION_COLUMNS)
 _ESTIMATE, _NO_ESTIMATE = attrgetter(*ESTIMATE_COLUMNS), (None,) * len(ESTIMATE_COLUMNS)
+USER_GAP = "road_user_gap_m"  # column of runs with people, cyclists or animals: to the nearest, 0 in contact
 LABELS = ("section", "mode", "stop", "cause", "path_source")  # columns of codes into a table of words
 
 

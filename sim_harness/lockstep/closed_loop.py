@@ -30,6 +30,7 @@ from sim_harness.lockstep.camera import Shot, SimulatedCamera
 from sim_harness.lockstep.lead_model import LeadModel, build_lead_model
 from sim_harness.lockstep.oracle import Oracle, clear_view
 from sim_harness.lockstep.road_user_sensor import RoadUserSensor, build_road_user_sensor
+from sim_harness.lockstep.road_users import nearest_gap_m
 from sim_harness.lockstep.stack import Perception, Stack
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
 from sim_harness.scenarios.events import with_events
@@ -236,6 +237,7 @@ class ClosedLoop:
         """Drive until the route or the duration is over. The trace begins at t = 0, after any run-up."""
         recorder, stack = Recorder(self._scenario.estimators), self._stack
         manoeuvres: list[tuple[str, ...]] = []
+        user_gaps_m: list[float | None] = []
         period_s, parts = self._simulator.period_s, self._parts
         shot_due = due_ticks(period_s, 1.0 / self._scenario.camera.rate_hz)
         command_due = due_ticks(period_s, self._simulator.control_period_s)
@@ -269,9 +271,12 @@ class ClosedLoop:
             if tick >= 0:
                 recorder.add(truth, state, stack.command, stack.decision, stack.estimates)
                 manoeuvres.append(truth.manoeuvres)
+                user_gaps_m.append(nearest_gap_m(parts.vehicle.box, parts.vehicle.road_users))
             if truth.finished:
                 break
-        return with_events(recorder.trace(), self._scenario, parts.vehicle.road, manoeuvres)
+        return with_events(
+            recorder.trace(), self._scenario, parts.vehicle.road, manoeuvres, user_gaps_m=user_gaps_m
+        )
 
     def _perceive(self, shot: Shot, state: VehicleState, lost: Set[str], now_s: float) -> Perception:
         """The results of the perception processes that run, for ``shot``."""

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sim_harness.lockstep.contact import Box
+from sim_harness.lockstep.contact import Box, separation_m
 from sim_harness.lockstep.traffic import driven, lane_centre_m
 from sim_harness.scenarios.road_users import ChangePace, Cross, RoadUser, UserPhase
 from sim_harness.world.roads.road import Road
@@ -143,3 +143,8 @@ class RoadUsersAround:
         speeds_mps = tuple(walker.speed_mps for walker in self.walkers)
         manoeuvres = tuple(walker.manoeuvre for walker in self.walkers if walker.manoeuvre)
         return Places(x_m, y_m, yaw_rad, speeds_mps, manoeuvres)
+
+
+def nearest_gap_m(ego: Box, walkers: Sequence[Walker]) -> float | None:
+    """The least separation of the ego vehicle from a road user, 0 in contact; None without any."""
+    return min((max(separation_m(ego, walker.box), 0.0) for walker in walkers), default=None)

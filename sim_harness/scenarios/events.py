@@ -4,20 +4,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim_harness.judging.trace import Trace
+from sim_harness.judging.trace import USER_GAP, Trace
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.roads.road import Road
 from trepid.types import Column
 
 
 def with_events(
-    trace: Trace, scenario: Scenario, road: Road, manoeuvres: Sequence[Sequence[str]] = ()
+    trace: Trace,
+    scenario: Scenario,
+    road: Road,
+    manoeuvres: Sequence[Sequence[str]] = (),
+    *,
+    user_gaps_m: Sequence[float | None] = (),
 ) -> Trace:
     """``trace`` with the columns of the events that conditions may name.
 
     They are ``fault.<kind>`` (0 or 1), ``disturbance.<kind>`` (grade) and ``traffic.<kind>`` (0 or 1). Of several
     of a kind the greatest counts. A disturbance is active while the rear axle is in its stretch, on a closed road
-    in every lap. ``manoeuvres``: those under way at each sample.
+    in every lap. ``manoeuvres``: those under way at each sample. ``user_gaps_m``: the distance of the nearest
+    person, cyclist or animal at each sample; a scenario that has some gets the column USER_GAP.
     """
     columns: dict[str, Column] = {}
 
@@ -33,4 +39,6 @@ def with_events(
         put(f"disturbance.{disturbance.kind.value}", [disturbance.grade_at(at_m) for at_m in stations_m])
     for kind in sorted({*scenario.manoeuvres}):
         put(f"traffic.{kind}", [kind in now for now in manoeuvres])
+    if scenario.road_users and len(user_gaps_m):
+        columns[USER_GAP] = np.array(user_gaps_m, dtype=np.float64)
     return trace.joined(columns)

@@ -14,7 +14,7 @@ from sim_harness.judging.fear_scores import (
     fear_lead_time_s,
     nuisance_slowdowns_per_km,
 )
-from sim_harness.judging.trace import Trace
+from sim_harness.judging.trace import USER_GAP, Trace
 
 N = 200
 T_S = 0.1 * np.arange(N)  # 20 s
@@ -119,6 +119,7 @@ def test_a_slow_down_without_a_reason_is_a_nuisance():
         {"fault__frozen_camera": during((2.0, 6.0))},
         {"disturbance__glare": during((11.0, 13.0), value=3.0)},
         {"lead_gap_m": during((8.0, 8.1), value=15.0, otherwise=50.0)},
+        {USER_GAP: during((8.0, 8.1), value=15.0, otherwise=50.0)},
     ],
 )
 def test_a_slow_down_with_a_reason_within_three_seconds_is_no_nuisance(reason):
@@ -127,7 +128,12 @@ def test_a_slow_down_with_a_reason_within_three_seconds_is_no_nuisance(reason):
 
 @pytest.mark.parametrize(
     "far",
-    [{"departures": counted(12.5)}, {"fault__frozen_camera": during((2.0, 4.5))}, {"lead_gap_m": 30.0}],
+    [
+        {"departures": counted(12.5)},
+        {"fault__frozen_camera": during((2.0, 4.5))},
+        {"lead_gap_m": 30.0},
+        {USER_GAP: 30.0},
+    ],
 )
 def test_an_event_long_before_or_after_does_not_justify_a_slow_down(far):
     assert nuisance_slowdowns_per_km(trace(**SLOW, **far)) > 0

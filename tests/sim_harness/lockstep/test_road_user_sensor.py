@@ -207,6 +207,10 @@ def test_beyond_the_reach_and_beside_the_image_nothing_is_found():
 def test_the_supervisor_of_a_run_gets_the_road_users(sensor):
     scenario = scenario_of({"gap_m": 12.0, "offset_m": -4.0}, road_user_sensor=sensor, duration_s=1.0)
     heard = []
-    run(scenario, parts=build_parts(scenario, seed=0), witness=lambda now: heard.append(now.road_users))
+    result = run(
+        scenario, parts=build_parts(scenario, seed=0), witness=lambda now: heard.append(now.road_users)
+    )
+    nearest_m = math.hypot(12.0 - 0.3, 4.0 - 0.7 - 0.25)
+    assert nearest_m / math.sqrt(2) <= result.row()["min_road_user_gap_m"] <= nearest_m
     assert heard[-1].kinds == ("person",)
     assert heard[-1].y_m == pytest.approx((-4.0,), abs=1.0)
