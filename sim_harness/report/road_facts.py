@@ -41,7 +41,7 @@ def show_verb(
 
 
 def facts(road: Road) -> dict[str, object]:
-    """Length, radius, lanes, sections, marks and junctions of a road."""
+    """Length, radius, lanes, sections, marks, junctions, walls and grades of a road."""
     stations = np.arange(0, road.length_m, STEP_M)
     curvature = float(np.abs(road.poses(stations)[:, 3]).max())
     widths = road.widths_at(stations)
@@ -56,15 +56,24 @@ def facts(road: Road) -> dict[str, object]:
         "sections": [section.name for section in road.sections],
         "marks": [mark.kind.value for mark in road.settings.marks],
         "junctions": [junction.kind.value for junction in road.settings.junctions],
+        "walls": [wall.kind.value for wall in road.settings.walls],
+        "grade": _grades(road),
     }
+
+
+def _grades(road: Road) -> list[float]:
+    """The lowest and the highest grade, + = uphill."""
+    grades = [road.grade_at(station_m) for station_m in np.arange(0, road.length_m, STEP_M).tolist()]
+    return [round(min(grades), 4), round(max(grades), 4)]
 
 
 def one_line(road: Road) -> str:
     """The facts of a road in one line of text."""
     found = facts(road)
     bends = "straight" if found["min_radius_m"] is None else f"radii from {found['min_radius_m']} m"
+    steepest = "" if road.elevation is None else " grades from {:.1%} to {:.1%},".format(*_grades(road))
     return (
-        f"{road.name}: {road.length_m:.1f} m, {'closed' if road.closed else 'open'}, {bends},"
+        f"{road.name}: {road.length_m:.1f} m, {'closed' if road.closed else 'open'}, {bends},{steepest}"
         f" {found['lanes_left']} lanes to the left and {found['lanes_right']} to the right of the kept lane;"
         f" {', '.join(section.name for section in road.sections)}"
     )

@@ -11,6 +11,8 @@ from sim_harness.lockstep.closed_loop import build_parts, run
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.things import Shape as ThingShape
+from sim_harness.world.render.scene.things import Thing
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Light, Section
@@ -305,3 +307,50 @@ def test_standing_vehicles_over_the_line_hide_the_lane_in_bends():
     assert all(b.distance_m <= a.distance_m for a, b in zip(clear, parked, strict=True))
     assert any(b.cause == Cause.OCCLUDED for b in parked)
     assert not any(a.cause for a in clear)
+
+
+@pytest.mark.parametrize("share", [0.7, 1.4])
+def test_at_night_a_target_stands_out_of_the_noise_of_the_image_within_the_sight_and_not_beyond(share):
+    """Rose's ratio of the drawn target: the sum of its change over σ·√n, with the noise of a patch of asphalt."""
+    night, seed_frames = of("night", 5), range(3)
+    section = Section(name="plain", start_m=0, patchiness=0, light=Light(noise=0))
+    dark = Road(
+        RoadSettings(
+            name="dark",
+            closed=False,
+            lane_width_m=LANE_M,
+            sections=(section,),
+            segments=(Segment(length_m=400),),
+        )
+    )
+    distance_m = sight(night, on=dark).distance_m * share
+    side_m = load_sight_settings().target_side_m
+    target = Thing(ThingShape.BLOCK, 0.02, side_m, side_m, (180, 180, 180))  # reflectance (180/255)² = 0.5
+    ratios = []
+    for seed in seed_frames:
+        bare, lit = (
+            Renderer(dark, CAMERA, seed=seed, disturbances=[night], things=things)
+            .render(*START, t_s=1.0, station_m=10.0)
+            .mean(axis=2)
+            for things in ((), [((10.0 + distance_m, 0.0, 0.0), target)])
+        )
+        row = round(CAMERA.pixel_from_road([(distance_m, 0.0)])[0, 1])
+        noise = bare[row - 1 : row + 2, 140:180].std()
+        pixels = CAMERA.fx_px * CAMERA.fy_px * (side_m / (distance_m - CAMERA.x_m)) ** 2
+        ratios.append((lit - bare).sum() / (noise * math.sqrt(max(pixels, 1.0))))
+    needed = load_sight_settings().noise_multiple
+    assert (np.mean(ratios) > needed) == (share < 1)
+
+
+def test_the_modelled_detector_finds_no_vehicle_farther_in_fog_than_the_camera_sees():
+    found = {}
+    for grade in (0.0, 5.0):
+        seen = []
+        fog = f"[{{kind: fog, grade: {grade}}}]"
+        near = {"sight": "truth", "lead_sensor": "modelled", "duration_s": "1", "traffic": "[{gap_m: 35}]"}
+        run(
+            load_scenario("straight", {**near, "disturbances": fog}),
+            witness=lambda now, to=seen: to.append(now.lead),
+        )
+        found[grade] = any(lead is not None and lead.distance_m is not None for lead in seen)
+    assert found == {0.0: True, 5.0: False}
