@@ -18,7 +18,7 @@ from supervisor.modes.speed import SpeedFactor
 from supervisor.modes.waits import Bounds, Halt, View, obstacle, waits_for
 from supervisor.path.follow import FollowSettings
 from supervisor.path.fusion import FusionSettings, Path
-from supervisor.path.giving_way import GivingWaySettings
+from supervisor.path.giving_way import CLEAR, GivingWaySettings
 from supervisor.path.hand_over import HandOver
 from supervisor.path.sight_speed import SightSettings
 from supervisor.rules.inference import CALM, FearResult, FearRules
@@ -281,6 +281,8 @@ class Supervisor:
         self, world: WorldState, rated: FearResult, cause: str, finding: Finding, factor: float, now_s: float
     ) -> Decision:
         path, fused, names = self._path(world, now_s), world.fused, self._rules.names
+        cap_mps = self._speed_cap_mps(world, rated.fear, factor)
+        way = world.way if world.way.sets(cap_mps) else CLEAR
         lane = path.lane if path else None
         lookahead_m = path.lookahead_m if path else self._settings.fusion.min_lookahead_m
         return Decision(
@@ -307,9 +309,9 @@ class Supervisor:
             trust=fused.trust,
             disagreement_mps2=fused.disagreement_mps2,
             speed_factor=factor,
-            speed_cap_mps=self._speed_cap_mps(world, rated.fear, factor),
-            road_user=world.way.kind,
-            road_user_m=world.way.ahead_m,
+            speed_cap_mps=cap_mps,
+            road_user=way.kind,
+            road_user_m=way.ahead_m,
             sight_m=world.sight.sight_m,
             sight_cause=world.sight.cause,
             sight_cap_mps=world.sight.cap_mps if math.isfinite(world.sight.cap_mps) else None,

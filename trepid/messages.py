@@ -219,7 +219,7 @@ class Decision:
     sight_cap_mps: float | None = None  # the speed from which the car stops within it; None: no limit
     # why the car stands or brakes to standstill, and what would end that; "": it may drive
     waits_for: str = ""
-    road_user: str = ""  # kind of the road user that limits the speed most; "": none
+    road_user: str = ""  # kind of the road user that sets the speed cap, or is braked for hard; "": none
     road_user_m: float | None = None  # ... and its distance ahead of the front bumper
     # last, because a recording is searched by the last bytes of its decisions (cockpit/logbook/recall.py)
     speed_factor: float  # 0..1, non-increasing in fear

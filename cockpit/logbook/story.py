@@ -92,6 +92,7 @@ def _moment(drive: Recall, index: int) -> Story:
     return {
         "moment_s": _at(drive, index),
         **_fields(decision, "mode", "stop", "fear", "level", "cause", "speed_cap_mps", "waits_for"),
+        **_fields(decision, "road_user", "road_user_m"),
         "limited_by": _limit(drive, decision),
         "rules": _rules(drive, decision),
         "inputs": _inputs(drive, decision),
@@ -200,9 +201,11 @@ def _course(drive: Recall, slow: SlowDown) -> Story:
 
 
 def _limit(drive: Recall, decision: Decision) -> str:
-    """The limit that set the cap: a stop, the gap to the vehicle ahead, or fear."""
+    """The limit that set the cap: a stop, a road user, the gap to the vehicle ahead, or fear."""
     if decision.stop is not Stop.NONE:
         return "stop"
+    if decision.road_user:
+        return "road_user"
     by_fear_mps = drive.cruise_mps * decision.speed_factor
     return "lead" if decision.speed_cap_mps < by_fear_mps * (1.0 - CLEAR) - _NOTHING else "fear"
 

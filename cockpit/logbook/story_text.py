@@ -89,10 +89,18 @@ def _allowed(story: Story) -> str:
     match story["limited_by"]:
         case "stop":
             return f"{story['stop']} stop"
+        case "road_user":
+            return f"allowed {cap} by {_road_user(story)}"
         case "lead":
             return f"allowed {cap} by the gap to the vehicle ahead"
         case _:
             return f"allowed {cap}"
+
+
+def _road_user(story: Story) -> str:
+    """The person, cyclist or animal that the car waits or slows for."""
+    article = "an" if story["road_user"][:1] in "aeiou" else "a"
+    return f"{article} {story['road_user']} {story['road_user_m']:.0f} m ahead"
 
 
 def _rise(story: Story) -> Iterator[str]:
@@ -161,6 +169,8 @@ def _reason(story: Story) -> str:
     match story["limited_by"]:
         case "stop":
             return f"Reason: {story['stop']} stop, {fear}."
+        case "road_user":
+            return f"Reason: {_road_user(story)}; mode {story['mode']}, {fear}."
         case "lead":
             return f"Reason: time gap to the vehicle ahead; mode {story['mode']}, {fear}."
         case _:

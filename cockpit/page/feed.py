@@ -22,6 +22,7 @@ from trepid.topics import (
     DECISION,
     DIAGNOSTICS,
     LEAD_VEHICLE,
+    ROAD_USERS,
     SIM_TRUTH,
     TIMING,
     VEHICLE_STATE,
@@ -82,9 +83,14 @@ class Feed:
         self._decision = Watched(bus, DECISION)
         self._estimates = {name: Watched(bus, estimate_topic(name)) for name in estimators}
         self.state, self.truth = Watched(bus, VEHICLE_STATE), Watched(bus, SIM_TRUTH)
-        self.lead = Watched(bus, LEAD_VEHICLE)
+        self.lead, self.road_users = Watched(bus, LEAD_VEHICLE), Watched(bus, ROAD_USERS)
         self._drive = (self._decision, self.state, self.truth)  # what timelines and path need
-        self._shown = (self._pictures, self.lead, *self._estimates.values())  # what only a viewer needs
+        self._shown = (
+            self._pictures,
+            self.lead,
+            self.road_users,
+            *self._estimates.values(),
+        )  # what only a viewer needs
         self.decisions: deque[Decision] = deque(maxlen=REMEMBERED)
         self.estimates: dict[str, deque[SteeringEstimate]] = {
             name: deque(maxlen=REMEMBERED) for name in estimators

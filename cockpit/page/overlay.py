@@ -1,4 +1,4 @@
-"""What is drawn on the camera picture: the boundaries of each estimate, the fused path, the vehicle ahead.
+"""What is drawn on the camera picture: boundaries of each estimate, fused path, the vehicle and the people ahead.
 
 All in pixels of the working image; the browser draws the lines, sharp at any size of the page.
 """
@@ -12,13 +12,18 @@ import numpy as np
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
-from trepid.messages import Decision, LeadVehicle, SteeringEstimate
+from trepid.messages import Decision, LeadVehicle, RoadUsers, SteeringEstimate
 from trepid.types import Array
 
 POINTS = 24  # of the path
 SIGHT = 2.5  # the path is drawn to this multiple of its look-ahead
 PATH_M = 0.35  # width of the drawn path in the reference world
 LEAD_HEIGHT = 0.8  # of the drawn box, relative to its width
+PEOPLE_M = {
+    "cyclist": (0.6, 1.8),
+    "animal": (0.6, 0.8),
+}  # width and height of the drawn box, in the world of roads
+PERSON_M = (0.6, 1.8)
 Box = list[float]
 
 
@@ -28,14 +33,19 @@ def overlay(
     lead: LeadVehicle | None,
     camera: Camera,
     vehicle: Vehicle,
+    road_users: RoadUsers | None = None,
 ) -> dict[str, Any]:
-    """Lines by estimator, the outline of the path, the box of the vehicle ahead; null where there is none."""
+    """Lines by estimator, the outline of the path, the box of the vehicle ahead; null where there is none.
+
+    ``people``: kind, distance ahead [m] and box of every person, cyclist and animal in view.
+    """
     return {
         "width": camera.width_px,
         "height": camera.height_px,
         "lanes": {one.estimator: lane_px(one, camera, vehicle) for one in estimates},
         "path": None if decision is None else path_px(decision, camera, vehicle),
         "lead": None if lead is None else lead_px(lead, camera, vehicle),
+        "people": [] if road_users is None else people_px(road_users, camera, vehicle),
     }
 
 
@@ -92,6 +102,31 @@ def lead_px(lead: LeadVehicle, camera: Camera, vehicle: Vehicle) -> Box | None:
         return None
     (left, bottom), (right, _) = feet.tolist()
     return [round(value, 1) for value in (left, bottom - LEAD_HEIGHT * (right - left), right, bottom)]
+
+
+def people_px(road_users: RoadUsers, camera: Camera, vehicle: Vehicle) -> list[dict[str, Any]]:
+    """Kind, distance from the front bumper [m] and upright box of every road user in view, the farthest first."""
+    nose_m, found = vehicle.wheelbase_m + vehicle.front_overhang_m, []
+    for kind, x_m, y_m in zip(road_users.kinds, road_users.x_m, road_users.y_m, strict=False):
+        depth_m = x_m - camera.x_m
+        if not (math.isfinite(y_m) and depth_m > 0.1):
+            continue
+        (middle, bottom) = camera.pixel_from_road([[x_m, y_m]])[0].tolist()
+        wide_m, high_m = PEOPLE_M.get(kind, PERSON_M)
+        half_px, high_px = (
+            camera.fx_px * wide_m * vehicle.scale / depth_m / 2,
+            camera.fy_px * high_m * vehicle.scale / depth_m,
+        )
+        box = (middle - half_px, bottom - high_px, middle + half_px, bottom)
+        if all(map(math.isfinite, box)):
+            found.append(
+                {
+                    "kind": kind,
+                    "distance": round(max(x_m - nose_m, 0.0), 1),
+                    "box": [round(p, 1) for p in box],
+                }
+            )
+    return sorted(found, key=lambda one: -one["distance"])
 
 
 def _rounded(points: Iterable[Sequence[float]]) -> list[list[float]]:

@@ -103,13 +103,14 @@ class View:
         """The overlay of ``picture``: by the estimates and the decision of its frame, or the last ones before."""
         feed = self._feed
         estimates = (_at(list(of_one), picture.t_s) for of_one in feed.estimates.values())
-        lead = feed.lead.refresh()
+        lead, road_users = feed.lead.refresh(), feed.road_users.refresh()
         return overlay(
             [estimate for estimate in estimates if estimate is not None],
             self.decided(picture),
             lead if lead is not None and abs(picture.t_s - lead.t_s) <= FRESH_S else None,
             self._camera,
             self._vehicle,
+            road_users if road_users and abs(picture.t_s - road_users.t_s) <= FRESH_S else None,
         )
 
     def decided(self, picture: CompressedFrame) -> Decision | None:

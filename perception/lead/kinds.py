@@ -22,7 +22,7 @@ HEIGHTS_M = {PERSON: (0.7, 2.1), CYCLIST: (1.0, 2.2), ANIMAL: (0.3, 1.8)}
 """A child to a tall adult; a dog to a horse."""
 EDGE_SHARE, EDGE_PX = 0.04, 1.0  # deviation of the lower edge: of the height of the box, and at least
 RIDES_SHARE = 0.3  # of the width of a bicycle that its rider covers
-FARTHEST_M = 60.0  # a person is 7 px high at 320 px
+FARTHEST_M = 60.0  # a person is 6 px high at 320 px
 
 
 class Box(NamedTuple):

@@ -81,6 +81,10 @@ class Way(NamedTuple):
     kind: str = ""  # of the one that limits the speed; "": none
     ahead_m: float | None = None  # ... and its distance from the front bumper
 
+    def sets(self, cap_mps: float) -> bool:
+        """Whether it is what makes the car drive at most ``cap_mps``, or brake hard."""
+        return self.hard or (self.cap_mps <= cap_mps and self.kind != "")
+
 
 CLEAR = Way()
 

@@ -3,7 +3,7 @@ import { fitted } from "./colours.js";
 import { number } from "./panels.js";
 
 // On a picture, whatever the scheme of the page: light lines with a dark edge.
-const COLOURS = { cv: "#5cc3ff", cnn: "#ffa25e", other: "#d8d8d8", path: "#35e0a6", lead: "#f29bf5", edge: "rgba(0,0,0,.6)" };
+const COLOURS = { cv: "#5cc3ff", cnn: "#ffa25e", other: "#d8d8d8", path: "#35e0a6", lead: "#f29bf5", people: "#ffe14d", edge: "rgba(0,0,0,.6)" };
 const DASHES = { cv: [], cnn: [9, 6], other: [2, 5] };
 
 const OLD_S = 1;
@@ -43,7 +43,8 @@ export class Camera {
       this.line(context, lane.left, name, unit, lane.confidence);
       this.line(context, lane.right, name, unit, lane.confidence);
     }
-    if (drawn.lead) this.lead(context, drawn.lead, unit, state.lead);
+    if (drawn.lead) this.box(context, drawn.lead, unit, COLOURS.lead, state.lead ? `${number(state.lead.distance, 0)} m` : "");
+    for (const { kind, distance, box } of drawn.people ?? []) this.box(context, box, unit, COLOURS.people, `${kind} ${number(distance, 0)} m`);
     context.restore();
     this.shown = performance.now();
     this.age();
@@ -82,18 +83,17 @@ export class Camera {
     context.globalAlpha = 1;
   }
 
-  lead(context, [left, top, right, bottom], unit, lead) {
+  box(context, [left, top, right, bottom], unit, colour, text) {
     context.strokeStyle = COLOURS.edge;
     context.lineWidth = 5 * unit;
     context.strokeRect(left, top, right - left, bottom - top);
-    context.strokeStyle = COLOURS.lead;
+    context.strokeStyle = colour;
     context.lineWidth = 2.5 * unit;
     context.strokeRect(left, top, right - left, bottom - top);
-    if (!lead) return;
+    if (!text) return;
     context.font = `600 ${13 * unit}px system-ui, sans-serif`;
     context.lineWidth = 4 * unit;
     context.strokeStyle = "rgba(0,0,0,.8)";
-    const text = `${number(lead.distance, 0)} m`;
     context.strokeText(text, left, top - 5 * unit);
     context.fillStyle = "#fff";
     context.fillText(text, left, top - 5 * unit);
@@ -117,7 +117,8 @@ export class Camera {
     const lanes = Object.entries(state.estimates).map(([name, one]) => `${name} ${one ? `confidence ${number(one.confidence, 2)}` : "no estimate"}`);
     const path = drawn.path ? `path from ${state.decision?.source ?? "none"}` : "no path";
     const lead = state.lead ? `, vehicle ahead at ${number(state.lead.distance, 0)} metres` : "";
-    this.canvas.setAttribute("aria-label", `Camera picture; ${lanes.join(", ")}; ${path}${lead}`);
+    const people = (drawn.people ?? []).map(one => `, ${one.kind} at ${number(one.distance, 0)} metres`).join("");
+    this.canvas.setAttribute("aria-label", `Camera picture; ${lanes.join(", ")}; ${path}${lead}${people}`);
   }
 }
 

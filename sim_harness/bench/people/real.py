@@ -19,7 +19,7 @@ from trepid.images.files import read_image
 SET = "camvid_road"
 PERSON_LABELS = (9, 10)  # pedestrian and bicyclist of the 11 classes (Badrinarayanan et al., SegNet, 2017)
 EVERY, QUICK_EVERY = 2, 24
-HEIGHTS_SHARE = (0.05, 0.1, 0.15, 0.25, 1.0)  # of the picture; 0.1: 18 m at 320x240
+HEIGHTS_SHARE = (0.05, 0.1, 0.15, 0.25, 1.0)  # of the picture; 0.1: 14 m with the default camera
 LEAST_SHARE = 0.0005  # of the area of the picture
 SURE = 0.5  # least confidence
 OVERLAP = 0.3  # of areas, intersection over union

@@ -13,13 +13,13 @@ from message_rig import SHUTTLE, decision, estimate, state
 from cockpit.page.feed import Feed
 from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, Timelines, Track
 from cockpit.page.hub import HEADER, Hub, Viewer, packed
-from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px
+from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px, people_px
 from cockpit.page.stop import RELEASE_S, REPEAT_S, UNDELIVERED_S, StopSender
 from cockpit.page.view import LATE_BEAT_S, View
 from trepid.bus import Bus
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Diagnostic, Health, LeadVehicle, StopRequest, Timing
+from trepid.messages import Diagnostic, Health, LeadVehicle, RoadUsers, StopRequest, Timing
 from trepid.topics import CAMERA_COMPRESSED, DECISION, DIAGNOSTICS, SIM_TRUTH, TIMING, VEHICLE_STATE
 from trepid.wire import to_cdr
 from vehicle.driver.stop_button import STOPPED
@@ -95,6 +95,26 @@ def test_the_box_of_the_vehicle_ahead_stands_on_the_road_and_is_absent_with_it()
     assert y_m == pytest.approx(1.0, abs=0.05) and top < bottom
     gone = LeadVehicle(t_s=0.0, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0)
     assert overlay([], None, gone, CAMERA, SHUTTLE)["lead"] is None
+
+
+def test_people_stand_on_the_road_as_high_as_their_kind_and_the_nearest_is_drawn_last():
+    users = RoadUsers(
+        t_s=0.0,
+        kinds=("person", "animal", "cyclist"),
+        x_m=(12.0, 30.0, -4.0),
+        y_m=(-1.0, 2.0, 0.0),
+        x_mps=(0.0,) * 3,
+        y_mps=(0.0,) * 3,
+        confidences=(0.9,) * 3,
+    )
+    far, near = people_px(users, CAMERA, SHUTTLE)
+    assert (far["kind"], near["kind"]) == ("animal", "person")
+    left, top, right, bottom = near["box"]
+    assert CAMERA.road_from_pixel([(left + right) / 2, bottom])[0] == pytest.approx((12.0, -1.0), abs=0.1)
+    depth_m = 12.0 - CAMERA.x_m
+    assert (bottom - top) * depth_m / CAMERA.fy_px == pytest.approx(1.8, abs=0.05)
+    assert near["distance"] == pytest.approx(12.0 - SHUTTLE.wheelbase_m - SHUTTLE.front_overhang_m, abs=0.05)
+    assert overlay([], None, None, CAMERA, SHUTTLE)["people"] == []
 
 
 def test_a_point_that_is_not_finite_is_not_drawn():
@@ -192,7 +212,7 @@ def test_a_viewer_gets_every_topic_from_its_first_turn_on_and_none_stays_after_i
     viewer = Viewer()
     hub.viewers.add(viewer)
     hub.turn()
-    assert len(air.open) == len(set(air.open)) == 6 and CAMERA_COMPRESSED.key in air.open
+    assert len(air.open) == len(set(air.open)) == 7 and CAMERA_COMPRESSED.key in air.open
     hub.viewers.discard(viewer)
     for _ in range(4):
         air.now_s += hub.turn()

@@ -237,6 +237,11 @@ def test_the_car_goes_on_when_the_way_has_been_free_for_a_while() -> None:
     assert set(caps[:free]) == {0.0} and set(caps[free:]) == {math.inf}
 
 
+def test_the_cap_has_a_cause_only_where_a_road_user_sets_it() -> None:
+    slow = way(person(NOSE_M + 8.0, 0.0), speed_mps=2.0)
+    assert slow.sets(slow.cap_mps) and not slow.sets(slow.cap_mps - 0.1) and not CLEAR.sets(math.inf)
+
+
 def test_an_unsure_detection_does_not_limit_the_speed() -> None:
     ghost = person(NOSE_M + 5.0, 0.0)._replace(confidence=S.min_confidence - 0.01)
     assert way(ghost) == CLEAR
