@@ -70,7 +70,9 @@ class ImageStatistics:
     # distance from the rear axle, along the lane, up to which the image shows lane and ground; None: not known
     sight_m: float | None = None
     sight_sigma_m: float | None = None  # standard deviation of sight_m
-    sight_cause: str = ""  # cause that ends the sight (trepid.causes): fog, dark, crest, occluded; "": none
+    sight_cause: str = (
+        ""  # cause that ends the sight (trepid.causes): fog, dark, over_exposed, crest, occluded; "": none
+    )
 
 
 class EstimateKind(StrEnum):

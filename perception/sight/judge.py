@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 from perception.camera.image_statistics import ImageStatistician
+from perception.sight.glare import is_glare
 from perception.sight.observer import SightObserver
 from perception.sight.settings import SightSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
+from trepid.causes import Cause
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, ImageStatistics, SteeringEstimate, VehicleState
 from trepid.scale import ReferenceWorld, scaled_settings
@@ -25,6 +27,7 @@ class ImageJudge:
         self._statistician = ImageStatistician()
         self._observer = SightObserver(settings, scaled_settings(camera, 1 / scale), assumed=assumed)
         self._reference, self._scale = ReferenceWorld(scale), scale
+        self._glare, self._horizon = settings.glare, camera.horizon_row_px / camera.height_px
 
     def step(
         self, frame: Frame, lane: SteeringEstimate | None, state: VehicleState | None, *, now_s: float
@@ -43,8 +46,15 @@ class ImageJudge:
             statistics,
             sight_m=sight.distance_m * self._scale,
             sight_sigma_m=sight.sigma_m * self._scale,
-            sight_cause=str(sight.cause),
+            sight_cause=self._cause(frame, statistics, sight.cause),
         )
+
+    def _cause(self, frame: Frame, statistics: ImageStatistics, cause: str) -> str:
+        """``cause``, where a source of light in the image veils it instead of the air: over-exposed."""
+        veiled = cause == Cause.FOG and is_glare(
+            frame.image, statistics.over_exposed, self._horizon, self._glare
+        )
+        return str(Cause.OVER_EXPOSED if veiled else cause)
 
 
 def build(

@@ -64,6 +64,13 @@ class CrestSettings(Settings):
     model_sigma: Positive
 
 
+class GlareSettings(Settings):
+    """Section ``glare``: a source of light that veils the image (:mod:`.glare`)."""
+
+    least_source: Share  # of the image that is white
+    darker_sky: Share  # of white, below which the darkest tenth of the sky lies
+
+
 class SightSettings(Settings):
     """``config/sight.yaml``."""
 
@@ -75,5 +82,6 @@ class SightSettings(Settings):
     hold_s: Positive
     strip: StripSettings
     air: AirSettings
+    glare: GlareSettings
     dark: DarkSettings
     crest: CrestSettings
