@@ -88,7 +88,10 @@ class Onlooker:
         found = {name: one.step(frame, state, now_s=t_s) for name, one in self._estimators.items()}
         self._lane = next(iter(found.values()), None)
         lead = self._finder.step(frame, state, found.values(), now_s=t_s) if self._finder else None
-        decision = self._supervisor.step(found, statistics, lead, state, now_s=t_s + LATENCY_S)
+        people = self._finder.road_users if self._finder else None
+        decision = self._supervisor.step(
+            found, statistics, lead, state, now_s=t_s + LATENCY_S, road_users=people
+        )
         shown = {name: outlined(one, self._camera, self._vehicle) for name, one in found.items()}
         return Onlooked(shown, statistics, lead, decision)
 

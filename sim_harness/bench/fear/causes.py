@@ -178,7 +178,10 @@ class Watcher:
         vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
         self._rules = FearRules.load(CONFIG_DIR / "fear.yaml")
         self._settings = settings.analyser
-        self._observer = WorldStateObserver(settings.validation, settings.fusion, settings.follow, vehicle)
+        self._observer = WorldStateObserver(
+            *(settings.validation, settings.fusion, settings.follow, settings.giving_way, settings.sight),
+            vehicle,
+        )
         self._estimators = {name: perception.estimators.build(name) for name in ESTIMATORS}
         self._judge = build_judge()
         self._seen: dict[str, SteeringEstimate | None] = dict.fromkeys(ESTIMATORS)

@@ -16,7 +16,7 @@ from supervisor.situation.world_state import WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.messages import ImageStatistics, LeadVehicle, RoadUsers, SteeringEstimate, VehicleState
 
 MESSAGES = 10_000
 WARM_UP = 3  # frames before the broken one
@@ -58,6 +58,16 @@ def situations() -> dict[str, Messages]:
             spots=0.0,
         ),
         "lead": LeadVehicle(t_s=0.0, distance_m=30.0, lateral_m=0.2, speed_mps=8.0, confidence=0.9),
+        "road_users": RoadUsers(
+            t_s=0.0,
+            kinds=("cyclist", "person"),
+            x_m=(35.0, 40.0),
+            y_m=(9.0, -8.0),
+            x_mps=(4.0, 0.0),
+            y_mps=(0.0, 0.0),
+            confidences=(0.9, 0.9),
+            detects=("person", "cyclist", "animal"),
+        ),
         "state": VehicleState(
             t_s=0.0, speed_mps=8.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
         ),
@@ -71,6 +81,8 @@ def situations() -> dict[str, Messages]:
         "off centre": calm | {n: replace(calm[n], lateral_offset_m=0.65) for n in ("cv", "cnn")},
         "narrow": calm | {"cv": replace(calm["cv"], lane_width_m=2.3)},
         "close behind": calm | {"lead": replace(calm["lead"], distance_m=5.0)},
+        "a person in the way": calm
+        | {"road_users": replace(calm["road_users"], x_m=(35.0, 16.0), y_m=(9.0, 0.2))},
         "fast": calm | {"state": replace(calm["state"], speed_mps=20.0)},
         "vague": calm
         | {
@@ -91,7 +103,9 @@ class Afraid:
     def fear(self, whole: Messages, broken: Messages) -> float:
         """Fear at the last of a few frames, of which only the last is ``broken``."""
         s = self._settings
-        observer = WorldStateObserver(s.validation, s.fusion, s.follow, self._vehicle)
+        observer = WorldStateObserver(
+            *(s.validation, s.fusion, s.follow, s.giving_way, s.sight), self._vehicle
+        )
         for number in range(WARM_UP + 1):
             messages = broken if number == WARM_UP else whole
             t_s = PERIOD_S * number
@@ -104,6 +118,7 @@ class Afraid:
                 now["lead"],
                 now["state"],
                 now_s=t_s + AGE_S,
+                road_users=now["road_users"],
             )
         return self._rules.evaluate(world.features).fear
 

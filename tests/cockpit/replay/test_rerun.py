@@ -17,6 +17,7 @@ from cockpit.replay.nodes import Inputs, nodes_of, settings_of
 from cockpit.replay.rerun import Rerun, rerun
 from cockpit.replay.tape import Tape
 from sim_harness.scenarios.chosen_estimators import changes_of
+from sim_harness.scenarios.road_users import Cross, RoadUser
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.cli import app
 from trepid.config import CONFIG_DIR, InputError, car_folder, use_car
@@ -30,6 +31,12 @@ from trepid.wire import to_cdr
 pytestmark = pytest.mark.long
 UNSEEN = load_scenario("lying_cv", {"sight": "truth", "duration_s": "7"})
 SEEN = load_scenario("straight", {"duration_s": "1"})
+WALKING = RoadUser(
+    gap_m=35.0,
+    offset_m=-3.0,
+    facing_rad=1.5,
+    phases=(Cross(kind="cross", at_gap_m=25.0, to_offset_m=0.0, speed_mps=1.4),),
+)
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +70,19 @@ def same(found: Rerun) -> bool:
 def test_every_node_repeats_a_lock_step_run_bit_for_bit(seen: Path) -> None:
     found = rerun(seen, ["all"])
     assert {key.split("/")[1] for key in found.topics} == {
-        *("cv", "cnn", "image_statistics", "lead", "decision", "command")
+        *("cv", "cnn", "image_statistics", "lead", "road_users", "decision", "command")
     }
     assert same(found) and found.first is None and not found.left_out
     assert set(found.doubts.values()) == {""}
+
+
+def test_the_supervisor_waits_for_the_same_person_again(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    crossed = load_scenario("straight", {"duration_s": "8", "sight": "truth", "road_user_sensor": "modelled"})
+    recorded(path, crossed.model_copy(update={"road_users": (WALKING,)}))
+    decisions = read_recording(path, DECISION.key).of(DECISION)
+    assert any(decision.road_user == "person" for _, decision in decisions)
+    assert same(rerun(path, ["supervisor", "controller"]))
 
 
 def test_supervisor_and_controller_repeat_a_drive_with_stops_from_its_estimates(unseen: Path) -> None:
@@ -83,7 +99,7 @@ def test_without_raw_images_all_leaves_out_the_nodes_that_see_and_says_so(
     with monkeypatch.context() as without:
         without.delattr(subprocess, "Popen")  # no process is started for estimators that do not run
         found = rerun(path, ["all"])
-    assert set(found.left_out) == {"cv", "cnn", "statistics", "lead"}
+    assert set(found.left_out) == {"cv", "cnn", "statistics", "lead", "road_users"}
     assert same(found) and set(found.topics) == {DECISION.key, COMMAND.key}
     by_jpeg = rerun(path, ["cv"])
     assert "JPEG" in by_jpeg.doubts["perception/cv/estimate"]
