@@ -87,10 +87,12 @@ class GroundEnd:
         inner = slice(STEPS_PX, -STEPS_PX)
         steps[:, inner] = (light[:, :-4] + light[:, 1:-3] - light[:, 3:-1] - light[:, 4:]) / 2
         size = np.abs(steps)
-        texture = size[:, self._is_texture]
-        if np.isnan(texture).all(axis=1).any():
+        texture = [row[~np.isnan(row)] for row in size[:, self._is_texture]]
+        if not all(map(len, texture)):
             return None
-        usual = SIGMA_OF_MEDIAN * np.nanmedian(texture, axis=1)
+        usual = SIGMA_OF_MEDIAN * np.array(
+            [np.partition(row, len(row) // 2)[len(row) // 2] for row in texture]
+        )
         clear = np.maximum(settings.step_sigmas * usual, settings.least_step)[:, None]
         found = np.flatnonzero((size >= clear).all(axis=0) & ~self._is_texture)  # NaN is not
         if len(found) == 0:

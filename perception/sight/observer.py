@@ -25,6 +25,7 @@ from trepid.types import Array, Floats, Image
 
 MIN_SIZE_PX = 32
 SURE = 0.5  # confidence of a lane that says where the road goes on
+EXTREME = 0.02  # share of the pixels that may be black or white by defect, lamps or the frame of a window
 CHANCE = 2.0  # standard deviations by which a shorter sight is no chance
 
 
@@ -89,8 +90,7 @@ class SightObserver:
             return None
         if eye.maps is not None:
             grey = np.asarray(cv2.remap(grey, *eye.maps, cv2.INTER_LINEAR), np.uint8)
-        sample = np.sort(grey[::4, ::4], axis=None)
-        low, high = int(sample[len(sample) // 50]), int(sample[-len(sample) // 50])
+        low, high = _range_grey(grey)
         if high - low < settings.least_range_grey:
             return self._black(eye) if high < settings.least_range_grey else None
         path = path_of(estimate, eye.matrix, reach_m=settings.reach_m, known_m=settings.strip.path_known_m)
@@ -187,6 +187,13 @@ class _Memory:
         self._t_s = t_s
         distance_m = min(math.exp(self._log_m), settings.reach_m)
         return Sight(distance_m, distance_m * self._sigma, seen.cause)
+
+
+def _range_grey(grey: Image) -> tuple[int, int]:
+    """The grey levels below and above which EXTREME of the image lies."""
+    sample = grey[::4, ::4]
+    shares = np.cumsum(np.bincount(sample.ravel(), minlength=256)) / sample.size
+    return int(np.argmax(shares > EXTREME)), int(np.argmax(shares >= 1 - EXTREME))
 
 
 def _beside_m(camera: Camera, path: Path, near_m: float) -> float:
