@@ -7,6 +7,8 @@ Every input is checked for age, finiteness and plausibility. A missing or bad in
 | the next decision or vehicle state is late, or malformed | comfort brake until a good one, or three in time | – |
 | no usable decision | comfort stop, after ``lost_s`` emergency stop | along the path while it is young enough |
 | no usable vehicle state | the same | holds the last wheel angle |
+| a speed that is doubted | the same | along the path, by the last speed and the brake since |
+| a doubted wheel angle or yaw rate | as decided | along the path, by the commands and the model of the car |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
 | no path, but one younger than ``stop_memory_s`` | comfort stop, or the demanded emergency stop | likewise |
 | no path, and STOP since the start or since a driver | the same | holds the curvature of the driver's wheels |
@@ -34,6 +36,7 @@ from controller.laws.law import Acting
 from controller.learner.steering_learner import LearningSettings, SteeringLearner
 from controller.model.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
 from controller.prediction import Predictor
+from controller.reckoned_speed import ReckonedSpeed
 from controller.speed.control import STRONGEST_MPS2, SpeedControl
 from controller.speed.limits import SpeedSettings, target
 from trepid.bounds import at_least, at_most, within
@@ -132,6 +135,7 @@ class Controller:
         self._sound = False  # ... and whether all its numbers are finite
         self._engaged = False  # a mode other than STOP since the start or since a driver steered
         self._driven_1pm: float | None = None  # the curvature of the last wheel angle of a driver
+        self._reckoned = ReckonedSpeed(vehicle.accel_lag_s)
         self._path_t_s: float | None = None  # time at which the newest path was valid
         self._path: tuple[Lane, float] | None = None  # that path at the newest state, and its time
         self._curvature_1pm: float | None = None  # the last demand
@@ -171,10 +175,11 @@ class Controller:
             state = self.learner.step(state)
             self._predictor.adopt(self._vehicle)
         speed_mps = state.speed_mps if state is not None else None
-        if state is not None and speed_mps is not None:
-            self._predictor.measured(state, speed_mps)
+        steered_mps = self._reckoned.step(speed_mps, dt_s)
+        if state is not None and steered_mps is not None:
+            self._predictor.measured(state, steered_mps)
         acting = self._acting(now_s)
-        angle_rad = self._steer(acting, state, speed_mps, dt_s)
+        angle_rad = self._steer(acting, state, steered_mps, dt_s)
         self._predictor.commanded(angle_rad, now_s=now_s)
         drivable = self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
         driver = state is not None and state.driver_override
@@ -188,14 +193,11 @@ class Controller:
         stop = self._stop(decision, lane, speed_mps, now_s, brake=lost or malformed or bool(late))
         cut = state is not None and state.saturated is True
         goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver, cut=cut)
+        wheel_rad = within(self.learner.command_rad(angle_rad), self._vehicle.max_road_wheel_angle_rad)
         command = Command(
-            t_s=frame_s,
-            road_wheel_angle_rad=within(
-                self.learner.command_rad(angle_rad), self._vehicle.max_road_wheel_angle_rad
-            ),
-            speed_mps=goal_mps,
-            accel_mps2=accel_mps2,
+            t_s=frame_s, road_wheel_angle_rad=wheel_rad, speed_mps=goal_mps, accel_mps2=accel_mps2
         )
+        self._reckoned.demand_mps2 = accel_mps2
         return self._reference.restored(command)
 
     @property
@@ -232,7 +234,7 @@ class Controller:
             self._path, self._curvature_1pm = None, self._driven_1pm
 
     def _usable_state(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
-        """The state; None unless it is fresh and plausible. Wheel angle and yaw rate may be None."""
+        """The state; None unless it is fresh and plausible. Any quantity may be None, a speed only if doubted."""
         if state is None or not self._fresh(state.t_s, now_s, self._settings.inputs.stale_s):
             return None
         return state if _plausible(state, self._settings.inputs) else None
@@ -255,7 +257,8 @@ class Controller:
         if state is None or speed_mps is None:
             return self._angle_rad or 0.0
         model_mps = at_most(abs(speed_mps), self._modelled_mps)
-        wheels_rad = state.road_wheel_angle_rad or 0.0
+        measured_rad = state.road_wheel_angle_rad
+        wheels_rad = (self._angle_rad or 0.0) if measured_rad is None else measured_rad
         held_1pm = curvature_from_angle(wheels_rad, speed_mps=model_mps, vehicle=self._vehicle)
         if state.driver_override:
             self._driven_1pm = held_1pm
@@ -341,8 +344,7 @@ def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
 
 def _plausible(state: VehicleState, limits: InputLimits) -> bool:
     return (
-        state.speed_mps is not None
-        and abs(state.speed_mps) <= limits.max_speed_mps
+        (bool(state.doubted) if state.speed_mps is None else abs(state.speed_mps) <= limits.max_speed_mps)
         and (state.road_wheel_angle_rad is None or abs(state.road_wheel_angle_rad) <= math.pi / 2)
         and (state.yaw_rate_radps is None or abs(state.yaw_rate_radps) <= limits.max_yaw_rate_radps)
         and (state.driver_torque_nm is None or math.isfinite(state.driver_torque_nm))

@@ -30,9 +30,9 @@ class Excess:
     def step(self, seen: Seen, dt_s: float) -> float:
         """Lateral acceleration [m/s²] beyond the steady turn, + = to the left, within its bounds.
 
-        Zero while the yaw rate is not measured.
+        Zero while yaw rate, wheel angle or speed is not measured.
         """
-        if seen.yaw_rate_radps is None:
+        if seen.yaw_rate_radps is None or seen.wheel_rad is None or not seen.measures_speed:
             self._filtered_mps2 = 0.0
             return 0.0
         steady_1pm = self._turn.curvature_1pm(seen.wheel_rad, seen.speed_mps)

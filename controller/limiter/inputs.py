@@ -13,11 +13,12 @@ COUNTED = 8  # arrivals over which the rate of commands is measured
 class Seen(NamedTuple):
     """A plausible vehicle state."""
 
-    speed_mps: float  # magnitude
-    wheel_rad: float
+    speed_mps: float  # magnitude; the last one known where it is not measured
+    wheel_rad: float | None  # None: not measured
     driver: bool  # driver override as reported by the vehicle
     torque_nm: float | None
     yaw_rate_radps: float | None
+    measures_speed: bool = True
 
 
 def fresh(t_s: float | None, now_s: float, timeout_s: float, limits: Limits) -> bool:
@@ -25,25 +26,35 @@ def fresh(t_s: float | None, now_s: float, timeout_s: float, limits: Limits) -> 
     return t_s is not None and -limits.early_s <= now_s - t_s <= timeout_s
 
 
-def plausible_state(state: VehicleState | None, now_s: float, limits: Limits) -> Seen | None:
-    """``state`` if it is fresh and plausible, else None; yaw rate and torque may be None."""
-    if state is None or state.speed_mps is None or state.road_wheel_angle_rad is None:
+def plausible_state(
+    state: VehicleState | None, now_s: float, limits: Limits, *, last_mps: float | None = None
+) -> Seen | None:
+    """``state`` if it is fresh and plausible, else None; yaw rate and torque may be None.
+
+    ``last_mps`` is the last speed of a car that was steered by a measured wheel angle; None: there was none. From
+    then on speed and wheel angle may be None in a state that names what it doubts.
+    """
+    if state is None:
+        return None
+    speed_mps, wheel_rad = state.speed_mps, state.road_wheel_angle_rad
+    if (speed_mps is None or wheel_rad is None) and (last_mps is None or not state.doubted):
         return None
     plausible = (
         fresh(state.t_s, now_s, limits.state_timeout_s, limits)
-        and abs(state.speed_mps) <= limits.max_speed_mps
-        and abs(state.road_wheel_angle_rad) <= limits.max_angle_rad
+        and (speed_mps is None or abs(speed_mps) <= limits.max_speed_mps)
+        and (wheel_rad is None or abs(wheel_rad) <= limits.max_angle_rad)
         and _known_is_finite(state.yaw_rate_radps)
         and _known_is_finite(state.driver_torque_nm)
     )
     if not plausible:
         return None
     return Seen(
-        speed_mps=abs(state.speed_mps),
-        wheel_rad=state.road_wheel_angle_rad,
+        speed_mps=abs(speed_mps) if speed_mps is not None else last_mps or 0.0,
+        wheel_rad=wheel_rad,
         driver=state.driver_override,
         torque_nm=state.driver_torque_nm,
         yaw_rate_radps=state.yaw_rate_radps,
+        measures_speed=speed_mps is not None,
     )
 
 

@@ -20,7 +20,9 @@ Acceleration. Bounded by the drive and brake limits. No drive and at least the c
 behind the command is old, when the next command is late or commands are too rare, when the demanded or driven bend
 is too tight for the speed, when the state of the vehicle is missing, and before the first command. When commands or
 states are missing for longer than their timeouts, or a command is not finite: a stop, latched until standstill.
-Without a command the last curvature is held; later commands steer the stop but do not end it. Where the
+Without a command the last curvature is held; later commands steer the stop but do not end it. A speed or wheel
+angle that is doubted (``VehicleState.doubted``) costs the drive: commands go on steering within the limits of the
+last speed, which the brake lowers, and without a speed the stop follows after the timeout of states. Where the
 acceleration is less than demanded, the target speed is at most that of ``SOON_S`` later: a car that follows the
 target speed brakes too.
 
@@ -92,6 +94,7 @@ class Limiter:
         """The driver has the car."""
         self._ours_s = 0.0  # time since the hand-back
         self._wheel = UNSEEN  # last output
+        self._seen_mps = 0.0  # last measured speed
         self._accel_mps2 = 0.0  # last output
         self._gaining_mps2 = 0.0  # acceleration of the car by the drive
 
@@ -116,7 +119,8 @@ class Limiter:
         dt_s = self._elapsed(now_s)
         sound = command if command is not None and is_finite(command) else None
         frame_s = None if sound is None else sound.t_s
-        seen = plausible_state(state, now_s, self._limits)
+        last_mps = self._seen_mps if self.wheel_seen else None
+        seen = plausible_state(state, now_s, self._limits, last_mps=last_mps)
         seldom = self._arrivals.too_seldom(received_s, now_s)
         self.handed_over = seen is not None and self._driven_by_hand(seen)
         if seen is not None and self.handed_over:
@@ -126,6 +130,7 @@ class Limiter:
         waiting = command is None and fresh(self._start_s, now_s, timeout_s, self._limits)
         self._judge(seen, lost=usable is None and not waiting)
         calm = fresh(received_s, now_s, self._limits.command_late_s, self._limits) and not seldom
+        calm = calm and seen is not None and seen.measures_speed and seen.wheel_rad is not None
         if seen is None:
             accel_mps2 = self._demand(usable, -self._limits.comfort_decel_mps2)
         else:
@@ -143,7 +148,8 @@ class Limiter:
 
     def _driven_by_hand(self, seen: Seen) -> bool:
         """Whether the driver has the car; the first measured angle becomes the output."""
-        self._state_s = self._now_s
+        if seen.measures_speed:
+            self._state_s, self._seen_mps = self._now_s, seen.speed_mps
         if self._wheel is UNSEEN:
             self._follow(seen)
         return self._driver.step(seen, self._now_s)
@@ -162,7 +168,7 @@ class Limiter:
         """Begin the stop when commands or states are lost, and end it at standstill."""
         if lost or self._now_s - self._state_s > self._limits.state_timeout_s:
             self.stopping = True
-        elif seen is not None and seen.speed_mps <= self._limits.standstill_mps:
+        elif seen is not None and seen.measures_speed and seen.speed_mps <= self._limits.standstill_mps:
             self.stopping = False
 
     def _demand(self, command: Command | None, highest_mps2: float) -> float:
@@ -262,8 +268,9 @@ class Limiter:
         )
 
     def _follow(self, seen: Seen) -> None:
-        """Set the last output to the measured wheel angle."""
-        self._remember(clip(seen.wheel_rad, (-self._limit_rad, self._limit_rad)), seen.speed_mps)
+        """Set the last output to the measured wheel angle; one that is not measured stays where it was put."""
+        wheel_rad = self._wheel.angle_rad if seen.wheel_rad is None else seen.wheel_rad
+        self._remember(clip(wheel_rad, (-self._limit_rad, self._limit_rad)), seen.speed_mps)
 
     def _remember(self, angle_rad: float, speed_mps: float) -> None:
         """Set the last output."""

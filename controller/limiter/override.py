@@ -53,6 +53,9 @@ class DriverWatch:
 
     def _deviates(self, seen: Seen, now_s: float) -> bool:
         """Whether the wheel has been outside all demands for too long. Tests the newest demands first."""
+        if seen.wheel_rad is None:
+            self._explained_s = now_s
+            return False
         low_rad, high_rad = seen.wheel_rad - self._limits.angle_rad, seen.wheel_rad + self._limits.angle_rad
         explained = any(sent_rad <= high_rad for _, sent_rad in reversed(self._demands)) and any(
             sent_rad >= low_rad for _, sent_rad in reversed(self._demands)
@@ -61,9 +64,9 @@ class DriverWatch:
             self._explained_s = now_s
         return now_s - self._explained_s >= self._limits.angle_after_s
 
-    def _turns(self, wheel_rad: float) -> bool:
+    def _turns(self, wheel_rad: float | None) -> bool:
         """Whether the wheel has moved since it was last still."""
-        if abs(wheel_rad - self._anchor_rad) <= self._limits.still_rad:
+        if wheel_rad is None or abs(wheel_rad - self._anchor_rad) <= self._limits.still_rad:
             return False
         self._anchor_rad = wheel_rad
         return True

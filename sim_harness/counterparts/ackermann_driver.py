@@ -4,6 +4,7 @@ The driver takes accelerations as ``config/actuator.yaml`` names them. Without c
 as the drivers of real cars do.
 """
 
+import math
 from dataclasses import replace
 
 from sim_harness.counterparts.car import CarBehindWire, wire_settings
@@ -54,8 +55,12 @@ def run(me: Process) -> None:
 
 
 def _odometry(state: VehicleState) -> Odometry:
+    """The part of ``state`` that an odometry holds; NaN where the sensor calls its value invalid."""
+    speed_mps, yaw_radps = state.speed_mps, state.yaw_rate_radps
     return Odometry(
-        t_s=state.t_s, speed_mps=state.speed_mps or 0.0, yaw_rate_radps=state.yaw_rate_radps or 0.0
+        t_s=state.t_s,
+        speed_mps=math.nan if speed_mps is None else speed_mps,
+        yaw_rate_radps=math.nan if yaw_radps is None else yaw_radps,
     )
 
 

@@ -64,8 +64,9 @@ def run(me: Process) -> None:
                 send_lead(lead)
             if user_sensor is not None and (users := user_sensor.step(simulated)) is not None:
                 send_users(users)
-        if button.held:
-            me.stepped(Health.WARN, STOPPED)
+        if button.held or simulated.sensors.doubts:
+            stopped = (STOPPED,) if button.held else ()
+            me.stepped(Health.WARN, "; ".join((*stopped, *simulated.sensors.doubts)))
         else:
             me.stepped()
 

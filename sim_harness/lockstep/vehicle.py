@@ -5,16 +5,14 @@ to the actuator, as in a real vehicle.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
-
-import numpy as np
 
 from controller.limiter import Limiter
 from sim_harness.lockstep.contact import Box, separation_m
 from sim_harness.lockstep.referee import Place, Referee, locate
 from sim_harness.lockstep.road_users import RoadUsersAround, Walker
 from sim_harness.lockstep.run_up import driven, rail
+from sim_harness.lockstep.sensors import NoiseSettings, SimulatedSensors
 from sim_harness.lockstep.traffic import Actor, Traffic
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.plants.axles import GRAVITY_MPS2
@@ -22,22 +20,19 @@ from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import Road
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, Settings, load
+from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, LeadVehicle, SimTruth, VehicleState
-from trepid.types import NonNegative, Positive, Share
+from trepid.types import Positive, Share
 
 _TICK_SLACK = 1e-6  # of a period, so that rounding of now_s does not lose a tick
 
 
-class SimulatorSettings(Settings):
+class SimulatorSettings(NoiseSettings):
     """``config/simulator.yaml``."""
 
     period_s: Positive
     control_period_s: Positive
     idle_decision_period_s: Positive
-    speed_noise_ratio: NonNegative
-    road_wheel_angle_noise_rad: NonNegative
-    yaw_rate_noise_radps: NonNegative
     max_offset_m: Positive
     run_up_s: Positive
     lead_range_m: Positive
@@ -49,13 +44,6 @@ class SimulatorSettings(Settings):
 def load_simulator() -> SimulatorSettings:
     """The simulator settings in ``config/``."""
     return load(CONFIG_DIR / "simulator.yaml", SimulatorSettings)
-
-
-def _standard_normal(seed: int) -> Iterator[list[float]]:
-    """Triples of independent standard normal numbers, drawn in blocks."""
-    generator = np.random.default_rng((seed, 0))
-    while True:
-        yield from generator.standard_normal((1000, 3)).tolist()
 
 
 class SimulatedVehicle:
@@ -81,7 +69,9 @@ class SimulatedVehicle:
         self.wheelbase_m = self._vehicle.wheelbase_m
         self._limiter = limiter
         self._settings, self._period_s = settings, settings.period_s
-        self._noise = _standard_normal(seed)
+        self.sensors = SimulatedSensors(
+            settings, scenario.faults, vehicle, seed=seed, checked=limiter is not None
+        )
         self._referee = Referee(road, self._vehicle, max_offset_m=settings.max_offset_m)
         self.nose_m = self._vehicle.wheelbase_m + self._vehicle.front_overhang_m  # from the rear axle
         self._route_end_m = scenario.start.station_m + scenario.route_m(road)
@@ -113,8 +103,9 @@ class SimulatedVehicle:
         if self._limiter is None:
             self._applied = command
             return state, self._truth()
-        self._applied = self._limiter.step(command, received_s, state, now_s=now_s)
-        return self._limiter.report(state), self._truth()
+        held = self.sensors.held(state, self._applied, driver=self._limiter.handed_over, now_s=now_s)
+        self._applied = self._limiter.step(command, received_s, held, now_s=now_s)
+        return self._limiter.report(held), self._truth()
 
     def stop(self) -> None:
         """Let the limiter stop the car, latched until standstill."""
@@ -227,16 +218,9 @@ class SimulatedVehicle:
         return self._placed(pose, place)
 
     def _measure(self) -> VehicleState:
-        """The sensor readings: true values with white noise; the speed noise is proportional to the speed."""
-        pose, settings = self._pose, self._settings
-        speed, angle, rate = next(self._noise)
-        return VehicleState(
-            t_s=self.now_s,
-            speed_mps=pose.speed_mps * (1.0 + settings.speed_noise_ratio * speed),
-            road_wheel_angle_rad=pose.road_wheel_angle_rad + settings.road_wheel_angle_noise_rad * angle,
-            yaw_rate_radps=self._plant.yaw_rate_radps(pose) + settings.yaw_rate_noise_radps * rate,
-            driver_override=self._ticks < 0,
-        )
+        """The sensor readings; a driver steers in the run-up."""
+        true = replace(self._plant.measured(self._pose, self.now_s), driver_override=self._ticks < 0)
+        return self.sensors.measured(true, elapsed_s=self._elapsed_s)
 
     def _truth(self) -> SimTruth:
         pose, (station_m, offset_m, heading_error_rad) = self._pose, self._place

@@ -1,4 +1,4 @@
-"""Faults of a run and their times: of the camera, the processes and the estimators."""
+"""Faults of a run and their times: of the camera, the processes, the estimators and the sensors of the car."""
 
 import math
 from dataclasses import replace
@@ -6,28 +6,12 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from sim_harness.scenarios.measurements import WrongMeasurement
+from sim_harness.scenarios.span import Span
 from trepid.car.vehicle import road_wheel_angle
 from trepid.clothoid import Lane
-from trepid.config import Settings
 from trepid.messages import EstimateKind, SteeringEstimate
-from trepid.types import NonNegative, Positive, Share
-
-
-class Span(Settings):
-    """A time interval from the start of the run; without `to_s` it lasts to the end."""
-
-    from_s: NonNegative
-    to_s: Positive | None = None
-
-    @model_validator(mode="after")
-    def _has_length(self) -> Self:
-        if self.to_s is not None and self.to_s <= self.from_s:
-            raise ValueError(f"to_s {self.to_s:g} must be after from_s {self.from_s:g}")
-        return self
-
-    def active(self, elapsed_s: float) -> bool:
-        """True within the interval."""
-        return self.from_s <= elapsed_s and (self.to_s is None or elapsed_s < self.to_s)
+from trepid.types import Positive, Share
 
 
 class FrozenCamera(Span):
@@ -120,6 +104,6 @@ class LostLane(Span):
 
 
 Fault = Annotated[
-    FrozenCamera | BlackFrames | LateFrames | LostProcess | EstimatorBias | LostLane,
+    FrozenCamera | BlackFrames | LateFrames | LostProcess | EstimatorBias | LostLane | WrongMeasurement,
     Field(discriminator="kind"),
 ]

@@ -66,6 +66,7 @@ class AckermannActuator:
             raise InputError("actuator 'ackermann' needs the bus of a drive")
         self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
         self._settings = settings
+        self.computed = frozenset({"road_wheel_angle_rad"} if settings.wheel_angle == "commanded" else ())
         self._report = car.bus.latest(state_topic(settings))
         self._send = car.bus.publisher(command_topic(settings))
         self._last: Command | None = None

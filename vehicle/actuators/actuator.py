@@ -27,7 +27,9 @@ class Actuator(Protocol):
         """The newest state that the car reports, with the time of its measurement.
 
         None before the first, and while the car is silent for longer than it may be. Quantities that the car does
-        not measure are None. Raises OSError when the wire fails.
+        not measure are None. An attribute ``computed`` of the actuator, a set of fields of the state, names those
+        that no sensor measures, such as the speed by a throttle table: physics cannot contradict them. Raises
+        OSError when the wire fails.
         """
         ...
 

@@ -7,6 +7,7 @@ controller still steers. At its end, also by an error, it brings the actuator to
 because it was killed or is frozen, the wire falls silent, and the car itself has to stop.
 """
 
+import errno
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple, TypeVar
@@ -25,6 +26,8 @@ from vehicle.actuators.table import build as build_actuator
 from vehicle.driver.arbitration import arbitrate, reported
 from vehicle.driver.settings import load_driver
 from vehicle.driver.stop_button import STOPPED, StopButton
+from vehicle.measurement.check import MeasurementCheck
+from vehicle.measurement.check import build as build_check
 
 RATE_HZ = 100.0  # of UN R79
 T = TypeVar("T")
@@ -35,13 +38,14 @@ class Applied(NamedTuple):
 
     command: Command | None  # for the wire; None: where the wheels stand is not known yet
     state: VehicleState  # for the bus
+    doubts: tuple[str, ...] = ()  # quantities that the car reports and physics contradicts, and why
 
 
 class ActuatorStep:
-    """The step between bus and wire: the limiter, and the state that travels."""
+    """The step between bus and wire: the check of the measurements, the limiter, and the state that travels."""
 
-    def __init__(self, limiter: Limiter) -> None:
-        self._limiter = limiter
+    def __init__(self, limiter: Limiter, measurements: MeasurementCheck) -> None:
+        self._limiter, self._measurements = limiter, measurements
         self.standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
         """Below this speed the car stands [m/s]."""
 
@@ -60,15 +64,20 @@ class ActuatorStep:
         ``stop``: the process is to end, or the wire has failed since the last step, so that the car may have missed
         a command: the limiter stops the car, latched until standstill.
 
+        Quantities that do not hold are absent for limiter and bus.
+
         There is no command for the wire before the first wheel angle: a process that starts while the car turns
         would straighten the wheels. An old state travels with its own time. An absent state travels as such, with
         all quantities None.
         """
         if stop:
             self._limiter.stopping = True
+        state, doubts = self._measurements.step(state, driver=self._limiter.handed_over, now_s=now_s)
         limited = self._limiter.step(command, received_s, state, now_s=now_s)
         reported = self._limiter.report(absent(now_s) if state is None else state)
-        return Applied(limited if self._limiter.wheel_seen else None, reported)
+        applied = limited if self._limiter.wheel_seen else None
+        self._measurements.given(applied)
+        return Applied(applied, reported, doubts)
 
     def moves(self, state: VehicleState) -> bool:
         """True while the car of ``state`` moves and no driver has it."""
@@ -94,8 +103,14 @@ class Wire:
         """The last failure, as text."""
 
     def read(self, now_s: float) -> VehicleState | None:
-        """State of the car; None also when the wire fails."""
-        return self._tried(lambda: self._actuator.read(now_s=now_s))
+        """State of the car; None also when the wire fails, which includes anything that is no state."""
+        return self._tried(lambda: self._state(now_s))
+
+    def _state(self, now_s: float) -> VehicleState | None:
+        state = self._actuator.read(now_s=now_s)
+        if state is not None and not isinstance(state, VehicleState):
+            raise OSError(errno.EBADMSG, f"read returned a {type(state).__name__}, not a VehicleState")
+        return state
 
     def write(self, command: Command, now_s: float) -> None:
         """Send ``command``; a failure counts, and the next call sends the next command."""
@@ -140,7 +155,9 @@ def run(me: Process) -> None:
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     name, actuator = build_actuator(Car(vehicle, me.bus, me.now_s))
     with safe_at_end(actuator):
-        loop = Loop(me, actuator, name, ActuatorStep(build_limiter(vehicle)))
+        computed = frozenset(getattr(actuator, "computed", ()))
+        node = ActuatorStep(build_limiter(vehicle), build_check(vehicle, computed=computed))
+        loop = Loop(me, actuator, name, node)
         ticker = Ticker(RATE_HZ)
         while me.running():
             ticker.sleep()
@@ -204,23 +221,23 @@ class Loop:
         if applied.state.speed_mps is not None:
             self.moving = self._node.moves(applied.state)
         self._send_state(reported(applied.state, demand))
-        self._me.stepped(*self._condition(failed, state, demand.reason, ending=ending))
+        doubted = "; ".join(filter(None, (self._wire.invalid(), *applied.doubts)))
+        self._me.stepped(*self._condition(failed, state, demand.reason, doubted, ending=ending))
 
     def _condition(
-        self, failed: bool, state: VehicleState | None, reason: str, *, ending: bool
+        self, failed: bool, state: VehicleState | None, reason: str, doubted: str, *, ending: bool
     ) -> tuple[Health, str]:
         """Health and message of the heartbeat; a message begins with STOPPED while the button holds the car."""
         stopped = STOPPED if self._button.held else ""
         if failed or self._wire.failures > self._known:
             health, text = Health.ERROR, f"actuator {self._name}: {self._wire.last}"
         elif state is None:
-            why = self._wire.invalid() or "the car reports no state"
+            why = doubted or "the car reports no state"
             health, text = Health.WARN, f"actuator {self._name}: {why}"
         elif ending:
             health, text = Health.WARN, "stops the car before it ends"
         else:
-            invalid = self._wire.invalid() if state.doubted else ""
-            text = "; ".join(filter(None, (reason, invalid)))
+            text = "; ".join(filter(None, (reason, doubted)))
             health = Health.WARN if text or stopped else Health.OK
         return health, "; ".join(filter(None, (stopped, text)))
 

@@ -14,6 +14,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from vehicle.actuators.node import ActuatorStep
 from vehicle.actuators.rc.actuator import PcaActuator, RcActuator, SerialActuator
+from vehicle.measurement.check import build as build_check
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 STARTING = 170  # steps until a modelled speed is known, and a few more
@@ -26,7 +27,7 @@ class Loop:
     def __init__(self, settings, actuator: RcActuator, clock: Time, pulses, reports) -> None:
         self.settings, self.actuator, self.clock = settings, actuator, clock
         self._pulses, self._reports = pulses, reports
-        self.node = ActuatorStep(build_limiter(VEHICLE))
+        self.node = ActuatorStep(build_limiter(VEHICLE), build_check(VEHICLE))
         self.car = SimulatedVehicle(SCENARIO, SCENARIO.build_road(), VEHICLE, None, load_simulator(), seed=0)
         self.speed_mps = 0.0
 

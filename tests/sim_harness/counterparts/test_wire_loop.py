@@ -9,6 +9,7 @@ from sim_harness.counterparts.ecu import Ecu, EcuSettings
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import Scenario
 from vehicle.actuators.node import ActuatorStep
+from vehicle.measurement.check import build as build_check
 
 QUIET = load_simulator().model_copy(
     update=dict(speed_noise_ratio=0.0, road_wheel_angle_noise_rad=0.0, yaw_rate_noise_radps=0.0)
@@ -25,7 +26,7 @@ class Loop:
 
     def __init__(self):
         self.bus = can_rig.OneBus()
-        self.node = ActuatorStep(build_limiter(can_rig.VEHICLE))
+        self.node = ActuatorStep(build_limiter(can_rig.VEHICLE), build_check(can_rig.VEHICLE))
         self.ecu = Ecu(can_rig.SHUTTLE, EcuSettings(), steering_ratio=can_rig.RATIO)
         self.car = car_behind(None)
         self.now_s, self.speed_mps, self.wheel_rad, self.state = 10.0, 0.0, 0.0, None

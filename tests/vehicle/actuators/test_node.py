@@ -12,13 +12,14 @@ from trepid.messages import Health, StopRequest
 from trepid.topics import COMMAND, DRIVER_INPUT, STOP_REQUEST
 from vehicle.actuators.node import ActuatorStep, Loop, Wire, safe_at_end
 from vehicle.driver.stop_button import STOPPED
+from vehicle.measurement.check import build as build_check
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
 
 @pytest.fixture
 def node():
-    return ActuatorStep(build_limiter(VEHICLE))
+    return ActuatorStep(build_limiter(VEHICLE), build_check(VEHICLE))
 
 
 def driven(node, *, steps, refused_at=None, state=True, from_s=10.0):

@@ -7,6 +7,7 @@ from controller.limiter import build as build_limiter
 from trepid.messages import StopRequest
 from vehicle.actuators.node import ActuatorStep
 from vehicle.driver.stop_button import OLDEST_S, StopButton
+from vehicle.measurement.check import build as build_check
 
 STOP, RELEASE = StopRequest(t_s=0.0, stop=True), StopRequest(t_s=0.0, stop=False)
 MOVES, STANDS = state(speed_mps=5.0), state(speed_mps=0.0)
@@ -52,7 +53,7 @@ def test_an_old_release_is_not_heard_and_an_old_stop_is():
 
 
 def test_behind_the_limiter_the_car_stops_stays_and_drives_on_after_the_release():
-    node, button = ActuatorStep(build_limiter(SHUTTLE)), StopButton(standstill_mps=0.05)
+    node, button = ActuatorStep(build_limiter(SHUTTLE), build_check(SHUTTLE)), StopButton(standstill_mps=0.05)
     speed_mps, speeds, request = 5.0, [], None
     for tick in range(1200):
         now_s = 0.01 * tick

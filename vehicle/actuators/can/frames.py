@@ -98,18 +98,32 @@ class Sender:
         self._conversions = [
             (each, raw_range(message.get_signal_by_name(each.signal))) for each in conversions
         ]
+        self._invalid = {each.signal: _invalid_value(message, each.signal) for each in conversions}
         self._rest = {signal.name: float(signal.offset) for signal in message.signals} | dict(constants)
         self._count = 0
 
     def frame(self, quantities: Mapping[str, float]) -> bytes:
-        """Bytes of ``quantities``, each at most as large as its signal holds; the counter moves on."""
+        """Bytes of ``quantities``, each at most as large as its signal holds; the counter moves on.
+
+        A quantity that is missing is sent as the value that the DBC names invalid, else as zero.
+        """
         values = dict(self._rest)
         for each, (low, high) in self._conversions:
+            if each.quantity not in quantities:
+                values[each.signal] = self._invalid[each.signal]
+                continue
             values[each.signal] = min(max(to_signal(each, quantities[each.quantity]), low), high)
         if self._protection.counter is not None:
             values[self._protection.counter] = self._count
             self._count = (self._count + 1) % self._protection.modulo
         return self._protection.sealed(values)
+
+
+def _invalid_value(message: Any, name: str) -> float:
+    """The value that the DBC names invalid of the signal ``name``, in its units; that of zero without one."""
+    signal = message.get_signal_by_name(name)
+    check = InvalidValues(signal, message.protocol)
+    return check.value(check.sent) if check.sent is not None else 0.0
 
 
 class Receiver:

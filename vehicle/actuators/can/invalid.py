@@ -84,6 +84,11 @@ class InvalidValues:
         plain = protocol == "j1939" and not signal.is_signed and not signal.is_float
         self._reserved_from = _first_reserved(signal.length) if plain else math.inf
 
+    @property
+    def sent(self) -> int | None:
+        """The least raw value that the DBC names invalid; None: it names none."""
+        return min(self._named, default=None)
+
     def value(self, raw: float) -> float:
         """``raw`` in the units of the signal."""
         return raw * self._scale + self._offset

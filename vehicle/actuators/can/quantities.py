@@ -34,9 +34,13 @@ def to_command(quantities: Mapping[str, float], *, steering_ratio: float, t_s: f
 
 
 def of_state(state: VehicleState, *, steering_ratio: float) -> dict[str, float]:
-    """Every quantity of ``state`` that a map may name [SI]; what is not measured is zero, as a car sends it."""
+    """Every quantity of ``state`` that a map may name [SI].
+
+    What is not measured is zero, as a car sends it; what is doubted is left out, and its sender sends the value
+    that the DBC names invalid.
+    """
     angle_rad = state.road_wheel_angle_rad or 0.0
-    return {
+    quantities = {
         ROAD_WHEEL: angle_rad,
         STEERING_WHEEL: angle_rad * steering_ratio,
         "speed_mps": state.speed_mps or 0.0,
@@ -44,6 +48,8 @@ def of_state(state: VehicleState, *, steering_ratio: float) -> dict[str, float]:
         "driver_torque_nm": state.driver_torque_nm or 0.0,
         "driver_override": float(state.driver_override),
     }
+    doubted = {*state.doubted, *([STEERING_WHEEL] if ROAD_WHEEL in state.doubted else [])}
+    return {name: value for name, value in quantities.items() if name not in doubted}
 
 
 def to_state(quantities: Mapping[str, float], *, steering_ratio: float, t_s: float) -> VehicleState:

@@ -104,6 +104,8 @@ class RcActuator:
         require_reach(name, settings.steering, car.vehicle)
         self._board = open_board(settings)
         self._source = settings.speed
+        modelled = {"speed_mps"} if settings.speed is SpeedSource.MODELLED else set()
+        self.computed = frozenset({"road_wheel_angle_rad", "yaw_rate_radps"} | modelled)
         self._calibration = Calibration(name, settings, car.vehicle)
         self._motion = Motion(settings.speed_lag_s)
         self._vehicle = car.vehicle

@@ -1,0 +1,69 @@
+"""The sensors of the simulated car: noise, faults of the scenario, and the check of what they report."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from sim_harness.scenarios.measurements import Sensors
+from trepid.car.vehicle import Vehicle
+from trepid.config import Settings
+from trepid.messages import Command, VehicleState
+from trepid.types import NonNegative
+from vehicle.measurement.check import NAMES, MeasurementCheck
+from vehicle.measurement.check import build as build_check
+
+
+class NoiseSettings(Settings):
+    """The noise of the sensors in ``config/simulator.yaml``."""
+
+    speed_noise_ratio: NonNegative
+    road_wheel_angle_noise_rad: NonNegative
+    yaw_rate_noise_radps: NonNegative
+
+
+def _standard_normal(seed: int) -> Iterator[list[float]]:
+    """Triples of independent standard normal numbers, drawn in blocks."""
+    generator = np.random.default_rng((seed, 0))
+    while True:
+        yield from generator.standard_normal((1000, 3)).tolist()
+
+
+class SimulatedSensors:
+    """What the car reports, and what of it holds. Call ``measured`` for every state, then ``held``."""
+
+    def __init__(
+        self, noise: NoiseSettings, faults: Iterable[object], vehicle: Vehicle, *, seed: int, checked: bool
+    ) -> None:
+        """``checked``: the check stands here, and not at the near end of a wire."""
+        self._settings, self._noise = noise, _standard_normal(seed)
+        self._faulty = Sensors(faults)
+        self._check: MeasurementCheck | None = build_check(vehicle) if checked else None
+        self.doubts: tuple[str, ...] = ()
+        """Quantities of the newest state that do not hold, and why."""
+
+    def measured(self, true: VehicleState, *, elapsed_s: float) -> VehicleState:
+        """``true`` with white noise, that of the speed proportional to it, under the faults at ``elapsed_s``."""
+        settings = self._settings
+        speed, angle, rate = next(self._noise)
+        assert true.speed_mps is not None
+        assert true.road_wheel_angle_rad is not None
+        assert true.yaw_rate_radps is not None
+        noisy = replace(
+            true,
+            speed_mps=true.speed_mps * (1.0 + settings.speed_noise_ratio * speed),
+            road_wheel_angle_rad=true.road_wheel_angle_rad + settings.road_wheel_angle_noise_rad * angle,
+            yaw_rate_radps=true.yaw_rate_radps + settings.yaw_rate_noise_radps * rate,
+        )
+        return self._faulty.step(noisy, elapsed_s=elapsed_s)
+
+    def held(
+        self, state: VehicleState, applied: Command | None, *, driver: bool, now_s: float
+    ) -> VehicleState:
+        """``state`` without the measurements that do not hold; ``applied`` is the last command to the car."""
+        if self._check is None:
+            return state
+        self._check.given(applied)
+        held, doubts = self._check.step(state, driver=driver, now_s=now_s)
+        self.doubts = (*(f"{NAMES[name]}: not available" for name in state.doubted), *doubts)
+        return held or state

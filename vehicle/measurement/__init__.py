@@ -1,0 +1,1 @@
+"""Measurements of the car that hold: range, physics, and agreement of speed, wheel angle, yaw rate and commands."""

@@ -1,0 +1,238 @@
+"""Wheel angle and yaw rate against each other, the commands, the lock and the speed of the steering.
+
+The bicycle with understeer relates them, ψ' = v·tan δ/(L + K_us·v²). The wheel follows the commands given to it: it
+stays within the range of all commands of the time
+
+    W = lateness·(dead time + 4·time constant)
+
+as in the detection of a driver (:mod:`controller.limiter.override`). Of wheel angle and yaw rate that contradict
+each other the one is wrong that the commands contradict, too. A wheel away from the commands with which the yaw
+rate agrees stands there: a driver or a fault of the steering moves it, and it is no wrong measurement. Under a
+driver the wheel angle is compared with its own past only, and the yaw rate with the wheel angle.
+"""
+
+import math
+
+from trepid.car.vehicle import Vehicle
+from vehicle.measurement.doubt import Doubt, Standing, Window
+from vehicle.measurement.settings import MeasurementSettings
+
+TIME_CONSTANTS = 4.0
+LONGEST_S = 0.2  # a longer gap between two values allows any step
+BEGIN_S = 1.0  # of motion, until the mean difference is known
+
+
+class Bicycle:
+    """The steady bicycle: yaw rate of a wheel angle and back."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._length_m = vehicle.wheelbase_m
+        self.gradient = vehicle.understeer_gradient_rad_per_mps2
+
+    def yaw_rate_radps(self, wheel_rad: float, speed_mps: float) -> float:
+        """ψ' = v·tan δ/(L + K_us·v²) [rad/s]."""
+        return math.tan(wheel_rad) * self.per_rad(speed_mps)
+
+    def per_rad(self, speed_mps: float) -> float:
+        """∂ψ'/∂tan δ [1/s]; at 0.95 of the critical speed of an oversteering car and beyond, that of there."""
+        least_m = 0.1 * self._length_m
+        return speed_mps / max(self._length_m + self.gradient * speed_mps**2, least_m)
+
+    def wheel_rad(self, yaw_rate_radps: float, speed_mps: float) -> float:
+        """δ = atan(L·ψ'/v) + K_us·v·ψ' [rad]; the speed must not be 0."""
+        kinematic_rad = math.atan(self._length_m * yaw_rate_radps / speed_mps)
+        return kinematic_rad + self.gradient * speed_mps * yaw_rate_radps
+
+
+class WheelCheck:
+    """Call ``step`` with every state."""
+
+    def __init__(self, vehicle: Vehicle, settings: MeasurementSettings) -> None:
+        self._limits, self._moving_mps = settings.wheel_angle, settings.doubt.moving_mps
+        self._rate_radps = self._limits.rate_share * vehicle.max_road_wheel_rate_radps
+        late_s = vehicle.steering_delay_s + TIME_CONSTANTS * vehicle.steering_lag_s
+        self._commands = Window(self._limits.lateness * late_s)
+        self._follow_s = vehicle.steering_delay_s + vehicle.steering_lag_s
+        self._bicycle = Bicycle(vehicle)
+        self._noise_radps = settings.yaw_rate.noise_radps
+        self.doubt = Doubt(settings.doubt)
+        self._standing = Standing(settings.stands, settings.stands.wheel_angle_rad)
+        self._last: tuple[float, float] | None = None  # time and value of the last trusted measurement
+        self._explained_s: float | None = None  # last time at which the commands explained the measurement
+        self.commanded_rad: float | None = None
+        """The wheel angle by the commands; None before the first."""
+
+    def command(self, angle_rad: float | None, dt_s: float, *, now_s: float) -> None:
+        """Add the command that was given to the car; None: there was none."""
+        if angle_rad is None:
+            return
+        self._commands.add(angle_rad, now_s=now_s)
+        before_rad = angle_rad if self.commanded_rad is None else self.commanded_rad
+        share = dt_s / (self._follow_s + dt_s) if dt_s else 0.0
+        self.commanded_rad = before_rad + share * (angle_rad - before_rad)
+
+    def step(
+        self,
+        angle_rad: float | None,
+        yaw_rate_radps: float | None,
+        speed_mps: float | None,
+        *,
+        driver: bool,
+        now_s: float,
+    ) -> bool:
+        """Whether ``angle_rad`` holds; ``speed_mps`` is the expected speed, ``yaw_rate_radps`` as measured."""
+        if angle_rad is None:
+            self._last = self._explained_s = None
+            self.doubt.step("", now_s=now_s)
+            return False
+        reason = self._step_reason(angle_rad, now_s)
+        if self.commanded_rad is not None and speed_mps is not None and not driver:
+            moving = speed_mps > self._moving_mps
+            changed_rad = self._standing.step(angle_rad, self.commanded_rad, moving=moving, now_s=now_s)
+            if not reason and changed_rad:
+                reason = (
+                    f"stands at {angle_rad:.4f} rad while the commands change it by {changed_rad:.4f} rad"
+                )
+            reason = reason or self._command_reason(angle_rad, yaw_rate_radps, speed_mps, now_s)
+        else:
+            self._explained_s = now_s
+        doubted = self.doubt.step(reason, now_s=now_s)
+        if not doubted:
+            self._last = now_s, angle_rad
+        return not doubted
+
+    def _step_reason(self, angle_rad: float, now_s: float) -> str:
+        """A step that no steering makes."""
+        if self._last is None:
+            return ""
+        gap_s, before_rad = now_s - self._last[0], self._last[1]
+        if self.doubt.reason or gap_s > LONGEST_S:
+            return ""
+        period_s = gap_s + 0.01  # a report may be one period of the process older than it seems
+        if abs(angle_rad - before_rad) <= self._rate_radps * period_s + self._limits.step_rad:
+            return ""
+        return f"jumps from {before_rad:.3f} to {angle_rad:.3f} rad"
+
+    def _command_reason(
+        self, angle_rad: float, yaw_rate_radps: float | None, speed_mps: float, now_s: float
+    ) -> str:
+        """A wheel away from all recent commands, where the yaw rate agrees with the commands and not with it."""
+        beyond_rad = abs(self._commands.beyond(angle_rad))
+        if beyond_rad <= self._limits.command_rad or speed_mps <= self._moving_mps:
+            self._explained_s = now_s
+            return ""
+        if self.doubt.reason:
+            return self.doubt.reason
+        since_s = now_s if self._explained_s is None else self._explained_s
+        if yaw_rate_radps is None or now_s - since_s < self._limits.command_after_s:
+            return ""
+        assert self.commanded_rad is not None
+        turned = [self._bicycle.yaw_rate_radps(rad, speed_mps) for rad in (angle_rad, self.commanded_rad)]
+        off_measured, off_commanded = (abs(yaw_rate_radps - rate) for rate in turned)
+        if off_measured <= off_commanded + self._noise_radps:
+            return ""
+        return f"{angle_rad:.3f} rad is {beyond_rad:.3f} rad from all commands, and the car turns by the commands"
+
+
+class YawCheck:
+    """Call ``step`` with every state."""
+
+    def __init__(self, vehicle: Vehicle, settings: MeasurementSettings) -> None:
+        self._limits, self._moving_mps = settings.yaw_rate, settings.doubt.moving_mps
+        self._bicycle = Bicycle(vehicle)
+        self.doubt = Doubt(settings.doubt)
+        self._standing = Standing(settings.stands, settings.stands.yaw_rate_radps)
+        self._wheels = Window(self._limits.lag_s)
+        self._usual_radps: float | None = None  # measured less computed, of the last filter_s
+        # Wheel angle by the yaw rate less the measured one: its mean, and the time of motion of that mean.
+        self._offset_rad = self._moved_s = 0.0
+
+    def step(
+        self,
+        yaw_rate_radps: float | None,
+        wheel_rad: float | None,
+        speed_mps: float | None,
+        dt_s: float,
+        *,
+        now_s: float,
+    ) -> bool:
+        """Whether ``yaw_rate_radps`` holds; wheel angle and speed: the trusted ones, or those by the commands."""
+        if wheel_rad is not None:
+            self._wheels.add(wheel_rad, now_s=now_s)
+        if yaw_rate_radps is None:
+            self._usual_radps = None
+            self.doubt.step("", now_s=now_s)
+            return False
+        if wheel_rad is None or speed_mps is None:
+            self.doubt.step("", now_s=now_s)
+            return not self.doubt.reason
+        turned_radps = self._bicycle.yaw_rate_radps(wheel_rad, speed_mps)
+        off_radps = yaw_rate_radps - turned_radps
+        moving = speed_mps > self._moving_mps
+        changed_radps = self._standing.step(yaw_rate_radps, turned_radps, moving=moving, now_s=now_s)
+        reason = ""
+        if changed_radps:
+            reason = (
+                f"stands at {yaw_rate_radps:.3f} rad/s while wheels and speed change it by"
+                f" {changed_radps:.3f} rad/s"
+            )
+        reason = reason or self._level_reason(yaw_rate_radps, speed_mps, dt_s, moving=moving)
+        reason = reason or self._step_reason(yaw_rate_radps, turned_radps, speed_mps)
+        doubted = self.doubt.step(reason, now_s=now_s)
+        if self._usual_radps is None or (not moving and not doubted):
+            self._usual_radps = off_radps
+        if not doubted:
+            share = dt_s / (self._limits.filter_s + dt_s) if dt_s else 0.0
+            self._usual_radps += share * (off_radps - self._usual_radps)
+        return not doubted
+
+    def _level_reason(self, yaw_rate_radps: float, speed_mps: float, dt_s: float, *, moving: bool) -> str:
+        """A standing car that yaws, or a yaw rate far from all wheel angles of the last ``lag_s``.
+
+        The wheel angles are those with the usual difference, the mean of ``offset_s`` within ``offset_rad``: an
+        offset of the steering, the bank of the road.
+        """
+        limits = self._limits
+        if speed_mps <= limits.standing_mps:
+            still = abs(yaw_rate_radps) <= limits.standing_radps
+            return "" if still else f"{yaw_rate_radps:.3f} rad/s of a standing car"
+        if not moving:
+            return ""
+        needed_rad = self._bicycle.wheel_rad(yaw_rate_radps, speed_mps)
+        lateral_mps2 = abs(speed_mps * yaw_rate_radps)
+        allowed_rad = (
+            limits.wheel_rad
+            + limits.wheel_share * abs(needed_rad)
+            + limits.understeer_share * abs(self._bicycle.gradient) * lateral_mps2
+            + limits.noise_radps / max(self._bicycle.per_rad(speed_mps), 1e-3)
+        )
+        if self._moved_s < BEGIN_S:  # the usual difference is not known yet
+            allowed_rad += limits.offset_rad
+        beyond_rad = self._wheels.beyond(needed_rad - self._offset_rad)
+        if abs(beyond_rad) <= allowed_rad:
+            self._learn_offset(beyond_rad, dt_s)
+            return ""
+        low_rad, high_rad = self._wheels.ends or (math.nan, math.nan)
+        return (
+            f"{yaw_rate_radps:.3f} rad/s at {speed_mps:.1f} m/s needs wheels at {needed_rad:.3f} rad, and they"
+            f" stand at {low_rad:.3f} to {high_rad:.3f} rad"
+        )
+
+    def _learn_offset(self, beyond_rad: float, dt_s: float) -> None:
+        """Move the usual difference towards the present one: a mean at first, then a filter of ``offset_s``."""
+        limits = self._limits
+        self._moved_s = min(self._moved_s + dt_s, limits.offset_s)
+        share = dt_s / self._moved_s if self._moved_s > 0.0 else 0.0
+        moved_rad = self._offset_rad + share * beyond_rad
+        self._offset_rad = max(-limits.offset_rad, min(limits.offset_rad, moved_rad))
+
+    def _step_reason(self, yaw_rate_radps: float, turned_radps: float, speed_mps: float) -> str:
+        """A change that wheel angle and speed do not give."""
+        if self._usual_radps is None:
+            return ""
+        limits = self._limits
+        change_radps = yaw_rate_radps - turned_radps - self._usual_radps
+        allowed_radps = limits.step_radps + limits.step_rad * self._bicycle.per_rad(speed_mps)
+        if abs(change_radps) <= allowed_radps:
+            return ""
+        return f"{yaw_rate_radps:.3f} rad/s, and wheels and speed turn the car by {turned_radps:.3f} rad/s"
