@@ -62,7 +62,7 @@ class Cause(StrEnum):
     PERSON = "person"  # a person, cyclist or animal on the way of the car, or beside it
 
     # what the vehicle reports
-    DOUBTED_STATE = "doubted_state"  # a measurement that physics contradicts
+    DOUBTED_STATE = "doubted_state"  # a measurement that is missing, or that physics contradicts
 
 
 CAUSES: frozenset[str] = frozenset(cause.value for cause in Cause)

@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import ClassVar, NamedTuple
 
 from trepid.bounds import at_least
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane, Motion
 from trepid.config import Settings
 from trepid.lateness import LatenessLimits
@@ -20,6 +21,7 @@ from trepid.messages import (
 from trepid.types import Positive
 
 MAX_ANGLE_RAD = math.pi / 2
+SHORTEST = 0.1  # of the wheelbase: L + K_us·v² of an oversteering car near its critical speed
 SHARE = 0.7  # of the confidence of a neighbouring lane: lanes differ by decimetres (RAA: 3.25 to 3.75 m)
 
 
@@ -158,14 +160,46 @@ def surest_of_marking(estimates: list[ValidatedEstimate]) -> ValidatedEstimate |
     return max(marking, key=lambda e: e.confidence or 0.0, default=None)
 
 
-def motion_of(state: VehicleState | None, *, now_s: float, settings: ValidationSettings) -> Motion | None:
-    """The motion of the vehicle; None when its state is missing, stale, or has an impossible number."""
+def state_doubt(state: VehicleState | None, *, now_s: float, settings: ValidationSettings) -> float | None:
+    """How much of the state is not measured, or does not hold; None for a state that is missing or stale.
+
+    0: speed, wheel angle and yaw rate are measured. 0.5: one of them is left to compute the motion without the
+    missing yaw rate. 1: the speed or the wheel angle is missing, or the torque of the driver is doubted.
+    """
+    if state is None or settings.age_s(state, now_s=now_s) > settings.state_fresh_s:
+        return None
+    if state.speed_mps is None or state.road_wheel_angle_rad is None:
+        return 1.0
+    if state.yaw_rate_radps is None:
+        return 1.0 if len(state.doubted) > 1 else 0.5
+    return 1.0 if state.doubted else 0.0
+
+
+def motion_of(
+    state: VehicleState | None,
+    *,
+    now_s: float,
+    settings: ValidationSettings,
+    vehicle: Vehicle | None = None,
+) -> Motion | None:
+    """The motion of the vehicle; None when its state is missing, stale, or has an impossible number.
+
+    With ``vehicle`` an absent wheel angle is not missed, and an absent yaw rate is that of the steady bicycle,
+    ψ' = v·tan δ/(L + K_us·v²); :func:`state_doubt` rates what is absent.
+    """
     if state is None or settings.age_s(state, now_s=now_s) > settings.state_fresh_s:
         return None
     speed_mps = within(state.speed_mps, settings.max_speed_mps)
     yaw_rate_radps = within(state.yaw_rate_radps, settings.max_yaw_rate_radps)
     wheel_rad = within(state.road_wheel_angle_rad, MAX_ANGLE_RAD)
-    if speed_mps is None or yaw_rate_radps is None or wheel_rad is None:
+    if speed_mps is None:
+        return None
+    if vehicle is not None and state.yaw_rate_radps is None and wheel_rad is not None:
+        gradient = vehicle.understeer_gradient_rad_per_mps2
+        length_m = at_least(vehicle.wheelbase_m + gradient * speed_mps**2, SHORTEST * vehicle.wheelbase_m)
+        yaw_rate_radps = speed_mps * math.tan(wheel_rad) / length_m
+    unsteered = wheel_rad is None and not (vehicle is not None and state.road_wheel_angle_rad is None)
+    if yaw_rate_radps is None or unsteered:
         return None
     return Motion(speed_mps, yaw_rate_radps)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from supervisor.inputs.validation import is_frozen
-from supervisor.situation.features import Features
+from supervisor.situation.features import DOUBT, Features
 from trepid.causes import Cause
 from trepid.config import Settings
 from trepid.types import Positive, PositiveShare
@@ -117,6 +117,12 @@ def _nowhere(x: Features, s: AnalyserSettings) -> bool:
 SUSPECTS = (
     Suspect(
         Cause.STALE_DATA, "camera", _any(_lost("frame_age"), _above("frame_age", "stale_s")), "no frame comes"
+    ),
+    Suspect(
+        Cause.DOUBTED_STATE,
+        "vehicle",
+        lambda x, _: _number(x[DOUBT]) > 0.0,
+        "a measurement of the vehicle is missing, or physics contradicts it",
     ),
     Suspect(
         Cause.VEHICLE_STATE_LOST,

@@ -15,6 +15,7 @@ from supervisor.modes.modes import STARTING, ModeSettings, ModeState
 from supervisor.path.follow import FollowSettings
 from supervisor.path.giving_way import Way
 from supervisor.rules.inference import FearRules
+from supervisor.situation.features import DOUBT
 from supervisor.situation.world_state import WorldState
 from trepid.bounds import at_least
 from trepid.causes import Cause
@@ -97,6 +98,9 @@ def _less_doubt(v: View) -> str:
 
 def _state(v: View) -> str:
     """The age of the state; a fresh one that counts as missing has an impossible or no value."""
+    doubt = v.world.features[DOUBT]
+    if doubt is not None and doubt > 0.0:
+        return "a measurement is missing or contradicted"
     age_s = v.world.state_age_s
     return "not valid" if age_s <= v.bounds.validation.state_fresh_s else since(age_s)
 

@@ -38,7 +38,7 @@ IMAGE_FEATURES = {
 _STATISTICS, _LOST_STATISTICS = attrgetter(*IMAGE_FEATURES.values()), (None,) * len(IMAGE_FEATURES)
 EARLY_FEATURES = frozenset(
     {
-        *("frame_age", "estimator_age", "state_age", "speed", "saturated"),
+        *("frame_age", "estimator_age", "state_age", "state_doubt", "speed", "saturated"),
         *IMAGE_FEATURES,
         *("lane_width", "lane_width_error", "unmarked", "edge_doubt"),
         *("lead_confidence", "lead_distance", "time_gap"),
@@ -58,6 +58,7 @@ FEATURES = EARLY_FEATURES | {
 }
 """Further features belong to the estimators: the name that rates an estimator and one of ESTIMATOR_SUFFIXES."""
 
+DOUBT = "state_doubt"
 Features = dict[str, float | None]
 
 
@@ -76,6 +77,7 @@ def early_features(
     motion: Motion | None,
     *,
     state_age_s: float,
+    state_doubt: float | None,
     steadiness: Mapping[str, Steadiness],
     edge_doubt: float,
     saturated_s: float,
@@ -100,6 +102,7 @@ def early_features(
     found["frame_age"] = min(ages) if ages else None
     found["estimator_age"] = max(ages) if ages else None
     found["state_age"] = math.inf if motion is None else state_age_s  # inf: missing, which makes fear 1
+    found[DOUBT] = state_doubt
     found["speed"] = speed_mps
     found["saturated"] = saturated_s
     found["lane_width"] = _narrowest_m(estimates)

@@ -12,6 +12,7 @@ from supervisor.inputs.validation import (
     in_own_lane,
     is_frozen,
     motion_of,
+    state_doubt,
     validate,
 )
 from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
@@ -21,7 +22,7 @@ from supervisor.path.giving_way import GivingWay, GivingWaySettings, Way
 from supervisor.path.sight_speed import Sight, SightSettings, SightSpeed
 from supervisor.rules.inference import FearRules
 from supervisor.situation.added import Moment, measured
-from supervisor.situation.features import BEYOND, Features, early_features, features
+from supervisor.situation.features import BEYOND, DOUBT, Features, early_features, features
 from supervisor.situation.ratings import RATED_AS, absent_values, rating_names
 from trepid.bounds import at_least
 from trepid.car.vehicle import Vehicle
@@ -78,6 +79,7 @@ class WorldStateObserver:
         """``enlargement``: of the world of all these relative to that of the car (:mod:`trepid.scale`)."""
         self._validation, self._rated_as = validation, rated_as
         self._enlargement = enlargement
+        self._vehicle = vehicle
         self._half_width_m, self._wheelbase_m = vehicle.track_m / 2, vehicle.wheelbase_m
         self._fusion, self.follower = Fusion(fusion), Follower(follow, vehicle)
         self._giving_way = GivingWay(giving_way, vehicle)
@@ -108,7 +110,10 @@ class WorldStateObserver:
         decoded: their values count as broken, their ages as those of the last valid message.
         """
         limits = self._validation
-        motion = None if STATE in malformed else motion_of(state, now_s=now_s, settings=limits)
+        # Rules that do not rate an incomplete state get the motion without a measured yaw rate as lost.
+        known = self._vehicle if DOUBT in rules.inputs else None
+        newest = None if STATE in malformed else state
+        motion = motion_of(newest, now_s=now_s, settings=limits, vehicle=known)
         self._last_motion = moving = motion or self._last_motion
         ahead = judge_lead(lead, motion, now_s=now_s, settings=limits, malformed=LEAD in malformed)
         watched = judge_road_users(
@@ -127,6 +132,7 @@ class WorldStateObserver:
             ahead,
             motion,
             state_age_s=state_age_s,
+            state_doubt=state_doubt(newest, now_s=now_s, settings=limits),
             steadiness=self._consistency.step(seen, moving),
             edge_doubt=self._weak_edges.step(seen, moving, now_s=now_s),
             saturated_s=self._saturated.step(state is not None and state.saturated is True, now_s=now_s),

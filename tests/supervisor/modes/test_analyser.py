@@ -14,6 +14,7 @@ FINE: Features = {
     "frame_age": 0.03,
     "estimator_age": 0.03,
     "state_age": 0.01,
+    "state_doubt": 0.0,
     "speed": 8.0,
     "seen_confidence": 0.9,
     "second_confidence": 0.9,

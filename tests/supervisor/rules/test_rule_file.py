@@ -56,7 +56,7 @@ def test_the_cause_of_a_rule_without_one_is_its_first_input() -> None:
     assert parse_rule("if fast is low or dark is low then fear is low", INPUTS).cause == "fast"
 
 
-FIRST_RULE = "if state_age is very_high then fear is very_high because vehicle_state_lost"
+FIRST_RULE = "if state_doubt is very_high then fear is very_high because doubted_state"
 
 
 @pytest.mark.parametrize(
