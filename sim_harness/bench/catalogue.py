@@ -112,6 +112,11 @@ BENCHMARKS = {
         continued=True,
         own_figure=True,
     ),
+    "measured-faults": Benchmark(
+        "measured.bench",
+        "wrong speeds, wheel angles and yaw rates through every wire: lane, and the quantity named",
+        continued=True,
+    ),
     "security": Benchmark("security", "foreign, malformed and replayed messages that a drive acts upon"),
     "security-flood": Benchmark("flood", "a drive under 100 000 messages a second, with and without keys"),
     "follow-detector": Benchmark("follow.detector", "recall and precision of the lead detector"),
