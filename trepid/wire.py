@@ -46,6 +46,7 @@ from trepid.types import Array
 
 M = TypeVar("M")
 DERIVED: tuple[type, ...] = get_args(Derived)
+_OF_SPEED, _OF_YAW_RATE = 0, 35  # variances of x and of the rotation about z in the covariance of a twist
 VEHICLE_FRAME = "rear_axle"
 """Frame of the vehicle: origin below the rear axle, x forward, y left, z up (REP 103)."""
 CAMERA_FRAME = "camera_optical"
@@ -175,7 +176,12 @@ def _from_odometry(odometry: Odometry) -> dict[str, Any]:
 
 
 def _to_odometry(ros: Any) -> dict[str, Any]:
-    return dict(speed_mps=ros.twist.twist.linear.x, yaw_rate_radps=ros.twist.twist.angular.z)
+    """Speed and yaw rate; NaN where the variance is negative, with which drivers mark what they do not measure."""
+    twist, covariance = ros.twist.twist, ros.twist.covariance
+    return dict(
+        speed_mps=twist.linear.x if covariance[_OF_SPEED] >= 0.0 else math.nan,
+        yaw_rate_radps=twist.angular.z if covariance[_OF_YAW_RATE] >= 0.0 else math.nan,
+    )
 
 
 def _from_diagnostic(diagnostic: Diagnostic) -> dict[str, Any]:

@@ -50,11 +50,11 @@ def run(me: Process) -> None:
         acting = followed(command, age_s, speed_mps, signed=signed) if begun and command else None
         state = car.step(acting, now_s=now_s)
         speed_mps = state.speed_mps or 0.0
-        send(_odometry(state) if reports.type is Odometry else state)
+        send(odometry_of(state) if reports.type is Odometry else state)
         me.stepped()
 
 
-def _odometry(state: VehicleState) -> Odometry:
+def odometry_of(state: VehicleState) -> Odometry:
     """The part of ``state`` that an odometry holds; NaN where the sensor calls its value invalid."""
     speed_mps, yaw_radps = state.speed_mps, state.yaw_rate_radps
     return Odometry(

@@ -1,6 +1,6 @@
 """The sensors of the simulated car: noise, faults of the scenario, and the check of what they report."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +10,11 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import Settings
 from trepid.messages import Command, VehicleState
 from trepid.types import NonNegative
-from vehicle.measurement.check import NAMES, MeasurementCheck
+from vehicle.measurement.check import NAMES, MeasurementCheck, absent
 from vehicle.measurement.check import build as build_check
+
+Carry = Callable[[VehicleState, Command | None, float], VehicleState | None]
+"""The state that arrives, of the state that the car sends, the last command to it, and the time."""
 
 
 class NoiseSettings(Settings):
@@ -39,8 +42,15 @@ class SimulatedSensors:
         self._settings, self._noise = noise, _standard_normal(seed)
         self._faulty = Sensors(faults)
         self._check: MeasurementCheck | None = build_check(vehicle) if checked else None
+        self._carry: Carry | None = None
+        self.watch: Callable[[VehicleState, VehicleState], None] | None = None
+        """Called with every state before and after the faults."""
         self.doubts: tuple[str, ...] = ()
         """Quantities of the newest state that do not hold, and why."""
+
+    def put_wire(self, carry: Carry, check: MeasurementCheck) -> None:
+        """Let ``carry`` take the states to the check, as the wire of a car does, and ``check`` be that check."""
+        self._carry, self._check = carry, check
 
     def measured(self, true: VehicleState, *, elapsed_s: float) -> VehicleState:
         """``true`` with white noise, that of the speed proportional to it, under the faults at ``elapsed_s``."""
@@ -55,7 +65,10 @@ class SimulatedSensors:
             road_wheel_angle_rad=true.road_wheel_angle_rad + settings.road_wheel_angle_noise_rad * angle,
             yaw_rate_radps=true.yaw_rate_radps + settings.yaw_rate_noise_radps * rate,
         )
-        return self._faulty.step(noisy, elapsed_s=elapsed_s)
+        faulty = self._faulty.step(noisy, elapsed_s=elapsed_s)
+        if self.watch is not None:
+            self.watch(noisy, faulty)
+        return faulty
 
     def held(
         self, state: VehicleState, applied: Command | None, *, driver: bool, now_s: float
@@ -64,6 +77,8 @@ class SimulatedSensors:
         if self._check is None:
             return state
         self._check.given(applied)
-        held, doubts = self._check.step(state, driver=driver, now_s=now_s)
-        self.doubts = (*(f"{NAMES[name]}: not available" for name in state.doubted), *doubts)
-        return held or state
+        arrived = state if self._carry is None else self._carry(state, applied, now_s)
+        held, doubts = self._check.step(arrived, driver=driver, now_s=now_s)
+        lacking = () if arrived is None else arrived.doubted
+        self.doubts = (*(f"{NAMES[name]}: not available" for name in lacking), *doubts)
+        return held or absent(state.t_s)

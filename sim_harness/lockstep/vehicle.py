@@ -66,6 +66,8 @@ class SimulatedVehicle:
         self.road = road
         self._plant = build_plant(scenario.plant, vehicle)
         self._vehicle = self._plant.vehicle
+        self.nominal = vehicle
+        """The vehicle by its file."""
         self.wheelbase_m = self._vehicle.wheelbase_m
         self._limiter = limiter
         self._settings, self._period_s = settings, settings.period_s

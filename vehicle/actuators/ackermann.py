@@ -88,7 +88,7 @@ class AckermannActuator:
             return None
         if now_s - received_s > self._settings.timeout_s:
             return None
-        state = report if isinstance(report, VehicleState) else _state(report)
+        state = report if isinstance(report, VehicleState) else state_of(report)
         if self._settings.wheel_angle == "commanded":
             return replace(state, road_wheel_angle_rad=self._commanded_rad(state.speed_mps))
         return state
@@ -133,7 +133,8 @@ def of_standard(command: Command, speed_mps: float | None) -> Command:
     return replace(command, speed_mps=goal_mps, accel_mps2=max(abs(command.accel_mps2), LEAST_MPS2))
 
 
-def _state(odometry: Odometry) -> VehicleState:
+def state_of(odometry: Odometry) -> VehicleState:
+    """The state that ``odometry`` measures; the check of measurements takes out values that are not finite."""
     return VehicleState(
         t_s=odometry.t_s,
         speed_mps=odometry.speed_mps,

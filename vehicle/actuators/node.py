@@ -26,7 +26,7 @@ from vehicle.actuators.table import build as build_actuator
 from vehicle.driver.arbitration import arbitrate, reported
 from vehicle.driver.settings import load_driver
 from vehicle.driver.stop_button import STOPPED, StopButton
-from vehicle.measurement.check import MeasurementCheck
+from vehicle.measurement.check import MeasurementCheck, absent
 from vehicle.measurement.check import build as build_check
 
 RATE_HZ = 100.0  # of UN R79
@@ -83,13 +83,6 @@ class ActuatorStep:
         """True while the car of ``state`` moves and no driver has it."""
         speed_mps = state.speed_mps or 0.0
         return abs(speed_mps) > self.standstill_mps and not state.driver_override
-
-
-def absent(now_s: float) -> VehicleState:
-    """The state of a car that reports nothing."""
-    return VehicleState(
-        t_s=now_s, speed_mps=None, road_wheel_angle_rad=None, yaw_rate_radps=None, driver_override=False
-    )
 
 
 class Wire:
@@ -221,7 +214,9 @@ class Loop:
         if applied.state.speed_mps is not None:
             self.moving = self._node.moves(applied.state)
         self._send_state(reported(applied.state, demand))
-        doubted = "; ".join(filter(None, (self._wire.invalid(), *applied.doubts)))
+        lacking = not failed and (state is None or bool(state.doubted))
+        invalid = self._wire.invalid() if lacking else ""
+        doubted = "; ".join(filter(None, (invalid, *applied.doubts)))
         self._me.stepped(*self._condition(failed, state, demand.reason, doubted, ending=ending))
 
     def _condition(

@@ -34,6 +34,13 @@ def build(vehicle: Vehicle, *, computed: Set[str] = frozenset()) -> "Measurement
     return MeasurementCheck(vehicle, load_measurement(), computed=computed)
 
 
+def absent(now_s: float) -> VehicleState:
+    """The state of a car that reports nothing."""
+    return VehicleState(
+        t_s=now_s, speed_mps=None, road_wheel_angle_rad=None, yaw_rate_radps=None, driver_override=False
+    )
+
+
 class MeasurementCheck:
     """Call ``step`` with every state, and ``given`` with every command to the car."""
 

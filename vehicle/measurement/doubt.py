@@ -51,17 +51,24 @@ class Standing:
         self._began_s = self._then_s = math.nan
         self._low = self._high = 0.0  # of the expected value, while the value stands
         self._usual_s = 0.0
+        self._stuck = 0.0  # the change that the value did not show; it stays until the value changes
         self._moved_s = 0.0  # for which changes were observed
         self._step = math.inf  # the least change so far
 
     def step(self, value: float, expected: float, *, moving: bool, now_s: float) -> float:
-        """The change of ``expected`` [its unit] while ``value`` stands for too long; 0 while it does not."""
+        """The change of ``expected`` [its unit] while ``value`` stands for too long; 0 while it does not.
+
+        A value that has stood for too long does so until it changes, also when the car stands.
+        """
         if value != self._value:
+            self._stuck = 0.0
             if self._value is not None and moving:
                 self._usual_s = max(self._usual_s, now_s - self._began_s)
                 self._step = min(self._step, abs(value - self._value))
             self._value, self._began_s = value, now_s
             self._low = self._high = expected
+        elif self._stuck:
+            return self._stuck
         elif not moving:
             self._began_s = now_s
             self._low = self._high = expected
@@ -76,7 +83,8 @@ class Standing:
             return 0.0
         fine = self._step * FINE <= self._change and self._moved_s - stood_s > self._settings.after_s
         odd = fine and changed > 0.0 and stood_s > self._settings.usual_times * self._usual_s
-        return changed if odd or changed > self._change else 0.0
+        self._stuck = changed if odd or changed > self._change else 0.0
+        return self._stuck
 
 
 class Window:

@@ -118,11 +118,12 @@ class WheelCheck:
     ) -> str:
         """A wheel away from all recent commands, where the yaw rate agrees with the commands and not with it."""
         beyond_rad = abs(self._commands.beyond(angle_rad))
-        if beyond_rad <= self._limits.command_rad or speed_mps <= self._moving_mps:
+        explained = beyond_rad <= self._limits.command_rad
+        if not explained and self.doubt.reason:  # also of a car that stands now
+            return self.doubt.reason
+        if explained or speed_mps <= self._moving_mps:
             self._explained_s = now_s
             return ""
-        if self.doubt.reason:
-            return self.doubt.reason
         since_s = now_s if self._explained_s is None else self._explained_s
         if yaw_rate_radps is None or now_s - since_s < self._limits.command_after_s:
             return ""

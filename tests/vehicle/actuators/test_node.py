@@ -16,10 +16,12 @@ from vehicle.measurement.check import build as build_check
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
+SCRIPTED = frozenset({"speed_mps", "road_wheel_angle_rad", "yaw_rate_radps"})  # states of no car: range only
+
 
 @pytest.fixture
 def node():
-    return ActuatorStep(build_limiter(VEHICLE), build_check(VEHICLE))
+    return ActuatorStep(build_limiter(VEHICLE), build_check(VEHICLE, computed=SCRIPTED))
 
 
 def driven(node, *, steps, refused_at=None, state=True, from_s=10.0):
