@@ -337,7 +337,7 @@ def _animal(figure: Figure, coat: Colour) -> Iterator[Part]:
     is_deer = figure.shape is Shape.DEER
     tall, long_m, wide_m = figure.height_m, figure.length_m, figure.width_m
     back_z = (0.62 if is_deer else 0.76) * tall
-    deep_m = 0.42 * wide_m if is_deer else 0.48 * wide_m
+    deep_m = 0.52 * wide_m if is_deer else 0.56 * wide_m
     front_x, rear_x = 0.24 * long_m, -0.32 * long_m
     amplitude, phase = _swing(figure, 0.9 * long_m)
     for x, side, turn in ((front_x, 1, 0.0), (front_x, -1, 3.1), (rear_x, 1, 3.6), (rear_x, -1, 0.5)):
@@ -346,14 +346,14 @@ def _animal(figure: Figure, coat: Colour) -> Iterator[Part]:
         knee = _turned(hip, 0.48 * (back_z - deep_m), angle + (-0.12 if x < 0 else 0.05))
         foot = _turned(knee, 0.50 * (back_z - deep_m), angle + (0.15 if x < 0 else -0.05))
         foot = (foot[0], foot[1], max(foot[2], 0.02))
-        yield _limb(hip, knee, 0.26 * deep_m + 0.02, 0.030, coat)
+        yield _limb(hip, knee, (0.58 if x < 0 else 0.42) * deep_m, 0.034, coat)
         yield _limb(knee, foot, 0.028, 0.020, coat)
     chest = ((front_x, 0.0, back_z - deep_m), 1.08 * deep_m)
     yield Part(
         (
             chest,
-            ((0.0, 0.0, back_z - 0.95 * deep_m), 0.95 * deep_m),
-            ((rear_x, 0.0, back_z - 0.9 * deep_m), deep_m),
+            ((0.0, 0.0, back_z - 0.85 * deep_m), 0.80 * deep_m),
+            ((rear_x, 0.0, back_z - 0.85 * deep_m), 0.85 * deep_m),
         ),
         coat,
     )
