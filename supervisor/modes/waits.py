@@ -166,7 +166,7 @@ def _brake(halt: Halt) -> str:
     """The words about a brake without a change of mode."""
     if halt.brake is Stop.EMERGENCY:
         return f"brakes hard for {halt.braked_for}: waits for a speed from which it can stop in time"
-    end = f"{RECOVERED} messages in time of {', '.join(halt.late)}" if halt.late else "a new image"
+    end = f"{RECOVERED} messages in time of {', '.join(sorted(halt.late))}" if halt.late else "a new image"
     return f"brakes for {halt.braked_for}: waits for {end}"
 
 

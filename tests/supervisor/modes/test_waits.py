@@ -126,6 +126,14 @@ def test_a_car_that_brakes_for_late_messages_names_their_senders() -> None:
     assert braking.waits_for == "brakes for lost_estimator: waits for 3 messages in time of cv"
 
 
+def test_senders_are_named_in_one_order_so_that_a_replay_repeats_the_words() -> None:
+    drive = Drive.under_way()
+    late = [drive.frame(cv=None, cnn=None, statistics=None) for _ in range(8)]
+    named = {d.waits_for.partition(" in time of ")[2] for d in late} - {""}
+    assert "cnn, cv, statistics" in named
+    assert all(words.split(", ") == sorted(words.split(", ")) for words in named)
+
+
 def test_a_lost_process_is_what_a_standing_car_waits_for() -> None:
     drive = Drive()
     drive.last(0.2)
