@@ -52,6 +52,11 @@ BENCHMARKS = {
         "sight distance in fog, night, rain and snow, over crests, behind walls and trucks; on real images",
         pictured=False,
     ),
+    "within-sight": Benchmark(
+        "within_sight",
+        "standing and slow vehicles in fog, at night, in rain, beyond crests and walls, at 5 to 25 m/s",
+        continued=True,
+    ),
     "unknown-camera": Benchmark(
         "perception.unknown_camera",
         "how soon a drive measures the height, the lens and the direction of a camera without a file",

@@ -65,7 +65,8 @@ def bench(
         int | None,
         typer.Option(
             min=1,
-            help="perception, imitation, fear-severity, sight, people: processes; faults: drives; default: 1.",
+            help="perception, imitation, fear-severity, sight, within-sight, people: processes; "
+            "faults: drives; default: 1.",
         ),
     ] = None,
     keep_frames: Annotated[
@@ -91,7 +92,8 @@ def bench(
         int | None,
         typer.Option(
             min=1,
-            help="faults, logbook, people: number of each, default 100; fear-severity: of roads, default 2.",
+            help="faults, logbook, people: number of each, default 100; fear-severity: of roads, default 2; "
+            "within-sight: of rendered cases, default 300.",
         ),
     ] = None,
     duration: Annotated[

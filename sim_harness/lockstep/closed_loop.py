@@ -90,6 +90,7 @@ class Instant:
     command: Command | None
 
 
+VEHICLE_M = 5.0  # length of a car
 Witness = Callable[[Instant], None]
 """Called at every instant of a run, including the run-up."""
 
@@ -308,8 +309,9 @@ class ClosedLoop:
                 return finder.step(shot.frame, state, lanes, now_s=now_s) if shot.frame else None
             case LeadModel() as model:
                 sight, within_m = shot.sight, math.inf
-                if sight is not None and sight.cause == Cause.FOG:
-                    within_m = sight.distance_m - self._parts.vehicle.nose_m
+                if sight is not None and sight.cause:  # a vehicle that ends the sight itself is seen
+                    seen_m = sight.distance_m + VEHICLE_M * (sight.cause == Cause.OCCLUDED)
+                    within_m = seen_m - self._parts.vehicle.nose_m
                 return model.step(self._parts.vehicle.sense_lead(), within_m=within_m)
         return self._parts.vehicle.sense_lead()
 
