@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from perception.camera.grey import small_grey
-from perception.sight.air import AirFit
+from perception.sight.air import AirFit, Range, Sky
 from perception.sight.crest import CrestFinder, GroundEnd
 from perception.sight.dark import Lighting, dark_m, lighting, noise_grey
 from perception.sight.path import Path, path_of
@@ -96,7 +96,7 @@ class SightObserver:
         path = path_of(estimate, eye.matrix, reach_m=settings.reach_m, known_m=settings.strip.path_known_m)
         view = _View(eye, grey, light_of(grey[: eye.strip.first_row]), path, eye.strip.look(grey, path))
         sky = eye.air.sky(view.light, path)
-        air = eye.air.range_of(view.light, sky, view.ground, path)
+        air = self._air(view, sky)
         if air is None:
             return None
         lit = lighting(view.ground, sky)
@@ -111,6 +111,20 @@ class SightObserver:
         )
         distance_m, sigma, cause = min(ends, key=lambda end: end[0])  # of equal ones the first
         return Sight(distance_m, distance_m * sigma, cause)
+
+    def _air(self, view: _View, sky: Sky | None) -> Range | None:
+        """The range of the air: the longer one of the strips along the lane and straight ahead.
+
+        Both show the same air. Whatever contradicts the law, as ground whose light changes across or along the
+        strip, makes the air look thicker.
+        """
+        eye, settings = view.eye, self._settings
+        along = eye.air.range_of(view.light, sky, view.ground, view.path)
+        if along is None or along.range_m >= settings.reach_m:
+            return along
+        ahead = path_of(None, eye.matrix, reach_m=settings.reach_m, known_m=settings.strip.path_known_m)
+        straight = eye.air.range_of(view.light, sky, eye.strip.look(view.grey, ahead), ahead)
+        return max(along, straight or along, key=lambda found: found.range_m)
 
     def _crest_m(self, view: _View, lit: Lighting, state: VehicleState | None, t_s: float) -> float:
         """Distance [m] from the lens of a crest; infinite without one.

@@ -31,7 +31,7 @@ from sim_harness.world.roads.drawn import SPEEDS_MPS, Kind, Shape, random_road, 
 from sim_harness.world.roads.elevation import ElevationPoint
 from sim_harness.world.roads.features import Side, Wall, WallKind
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
-from sim_harness.world.sight_truth import SightDistance, SightTruth
+from sim_harness.world.sight_truth import SightDistance, SightTruth, load_sight_settings
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, ImageStatistics, SteeringEstimate, VehicleState
@@ -49,6 +49,9 @@ BEND_RADII_M, WALL_DISTANCES_M = (40.0, 120.0), (0.6, 2.5)
 TRUCK_M, TRUCK = (8.0, 60.0), Body(width_m=2.5, height_m=3.6, waist_m=3.0)
 REAL_FRAMES, REAL_EVERY = 40, 6
 SHORT_M, LONG_M = 40.0, 80.0
+BESIDE = (
+    "side of the image"  # row of the frames in which a bend leaves the image, and nothing else ends the sight
+)
 
 
 class Looked(NamedTuple):
@@ -199,13 +202,16 @@ def _plain(kind: Kind, rng: np.random.Generator, segments: tuple[Segment, ...]) 
 def bench_sight(seed: int, *, jobs: int = 1, quick: bool = False, data: Path | None = None) -> dict[str, Any]:
     """Error, cause and deviation of the sight by what ends it, time of a frame, and the sight on real images."""
     cv2.setNumThreads(1)
+    reach_m = load_sight_settings().limit_m
     drives = {case: case for case in cases(seed, quick=quick)}
     looked: dict[str, list[Looked]] = {}
     for case, found in finished(drive, drives, jobs=jobs):
-        looked.setdefault(case.row, []).extend(found)
+        for one in found:
+            beside = one.true.cause == "" and one.true.distance_m < reach_m
+            looked.setdefault(BESIDE if beside else case.row, []).append(one)
     kinds: dict[str, list[Looked]] = {}
     for row, found in looked.items():
-        kinds.setdefault(row.split()[0], []).extend(found)
+        kinds.setdefault(row if row == BESIDE else row.split()[0], []).extend(found)
     every = [one for found in looked.values() for one in found]
     scored = {row: scores(found) for row, found in sorted(looked.items())}
     return {
