@@ -10,7 +10,8 @@ step: who stands may walk. With the reaction time ρ,
 
 The second alternative is v·ρ + v²/(2·b) ≤ v·t: wherever the car is when the road user steps out, it either stops
 before it, or its front has passed before the road user is in the strip, which is the third one. Of one that already
-walks towards the strip s reaches to the rear bumper there, because it would walk or ride into the side. b is the
+walks towards the strip s reaches to the rear bumper there, because it would walk or ride into the side, and w is
+larger by u, because it may still gain speed. b is the
 comfortable deceleration where the road user already walks towards the strip, the strongest one where it stands at
 the edge; a least speed beside those who stand keeps the car from waiting for a bystander.
 RSS names these terms (Shalev-Shwartz, Shammah, Shashua, On a Formal Model of Safe and Scalable Self-driving Cars,
@@ -164,10 +165,13 @@ def permitted_mps(one: Encounter, speed_mps: float, settings: GivingWaySettings)
 def passes_first(one: Encounter, speed_mps: float, s: GivingWaySettings) -> bool:
     """Whether the car passes ``one`` at this speed before it may be in the strip.
 
-    The front counts, but the whole car before one that walks towards the strip.
+    The front counts before one that stands. Before one that walks towards the strip the whole car counts, and that
+    one may become faster by the speed of a side step.
     """
-    past_m = one.free_m + (one.car_m if one.free_m > 0.0 and one.closing_mps >= s.moving_mps else 0.0)
-    return one.gap_m > 0.0 and past_m < speed_mps * one.enters_s
+    if one.free_m <= 0.0 or one.closing_mps < s.moving_mps:
+        return one.gap_m > 0.0 and one.free_m < speed_mps * one.enters_s
+    enters_s = one.gap_m / (one.closing_mps + one.step_mps)
+    return one.gap_m > 0.0 and one.free_m + one.car_m < speed_mps * enters_s
 
 
 def _behind_cyclist_mps(one: Encounter, s: GivingWaySettings) -> float:
