@@ -21,7 +21,9 @@ QUIET = load_simulator().model_copy(
 
 
 class PassOn:
-    """A limiter without limits that brakes without a command."""
+    """A limiter without limits that brakes without a command, and never hands over to a driver."""
+
+    handed_over = False
 
     def step(self, command, received_s, state, *, now_s):
         return command or drive(0.0, -6.0)
@@ -115,9 +117,9 @@ def test_on_a_wide_lane_the_car_is_put_back_beyond_one_metre_without_a_departure
 
 def test_a_collision_counts_once_and_stops_the_car_at_the_speed_of_the_other():
     simulated = vehicle_on(scenario_of(traffic=[{"gap_m": 3.0}]))
-    state, truth = run(simulated, drive(), 5.0)
+    _, truth = run(simulated, drive(), 5.0)
     assert truth.collisions == 1
-    assert state.speed_mps == pytest.approx(0.0, abs=0.02)
+    assert truth.speed_mps == pytest.approx(0.0, abs=0.02)
     assert truth.lead_gap_m == pytest.approx(0.0, abs=0.05)
 
 

@@ -104,7 +104,10 @@ def test_every_kind_of_disturbance_fault_and_manoeuvre_occurs(scenarios):
     }
     faults = {
         schema[name]["properties"]["kind"]["const"]
-        for name in ("FrozenCamera", "BlackFrames", "LateFrames", "LostProcess", "EstimatorBias", "LostLane")
+        for name in (
+            *("FrozenCamera", "BlackFrames", "LateFrames", "LostProcess", "EstimatorBias", "LostLane"),
+            "WrongMeasurement",
+        )
     }
     every = scenarios.values()
     assert set.union(*(kinds(s.disturbances) for s in every)) == set(DisturbanceKind)
