@@ -61,7 +61,8 @@ class SightSettings(Settings):
     delay_s: NonNegative  # from a decision to the demand at the drive
     unknown_slope_mps2: NonNegative  # b_slope
     memory_s: NonNegative  # a sight is remembered this long, and shrinks by the way driven
-    unmeasured_m: Positive  # sight where no image states it: that of the lanes
+    unmeasured_m: Positive  # sight where no image states it any longer: that of the lanes
+    unstated_m: Positive  # sight by which perception drives that has never stated one
     comfort: Brake
     firm: Brake  # what speed tracking can do: where this is not enough, the car brakes as in an emergency
     emergency: Brake
@@ -147,8 +148,8 @@ class SightSpeed:
         detector ``watches`` for vehicles, an emergency stop also fits within its reach on a road of curvature
         ``bend_1pm``.
 
-        Perception that has never stated a sight leaves it open, with the cause SIGHT_UNKNOWN; where an image has
-        stated one, a sight that is not stated shrinks by the way driven, and is that of the lanes after
+        Perception that never stated a sight gets the cap of ``unstated_m`` and the cause SIGHT_UNKNOWN; where an
+        image has stated one, a sight that is not stated shrinks by the way driven, and is that of the lanes after
         ``memory_s``.
         """
         speed_mps = at_least(abs((motion or STANDING).speed_mps), 0.0)
@@ -164,8 +165,7 @@ class SightSpeed:
         reach_m = self._settings.detector.clear_m
         if self._end_m is None or not lately:
             sight_m, cause = None, str(Cause.SIGHT_UNKNOWN)
-            never = self._stated_s == -math.inf
-            free_m = math.inf if never else self._free_m(self._settings.unmeasured_m)
+            free_m = math.inf if self._stated_s == -math.inf else self._free_m(self._settings.unmeasured_m)
         else:
             sight_m, cause, free_m = self._end_m, self._cause, math.inf
             if cause == Cause.OCCLUDED and self._is_it(leader_m):
@@ -173,7 +173,8 @@ class SightSpeed:
             if cause:
                 free_m = self._free_m(sight_m)
                 reach_m = at_most(self._settings.detector.share * sight_m, reach_m)
-        cap_mps = self.comfort.speed_mps(free_m)
+        never = self._stated_s == -math.inf
+        cap_mps = self.comfort.speed_mps(self._free_m(self._settings.unstated_m) if never else free_m)
         if watches:
             cap_mps = at_most(self._reach_mps(reach_m, bend_1pm), cap_mps)
         return Sight(sight_m, cause, free_m, cap_mps)

@@ -110,9 +110,11 @@ def test_a_sight_that_is_no_longer_stated_shrinks_by_the_way_driven_and_then_is_
     assert caps[-1] == pytest.approx(lanes) and caps[-1] > 0.0
 
 
-def test_perception_that_never_states_a_sight_leaves_the_speed_open_and_says_so():
-    sight = sight_speed().step(seen(None, "", None), Motion(8.0, 0.0), age_s=0.0, now_s=0.0)
-    assert (sight.cap_mps, sight.sight_m, sight.cause) == (math.inf, None, "sight_unknown")
+def test_perception_that_never_states_a_sight_gets_a_bounded_speed_and_says_so_without_fear():
+    speed = sight_speed()
+    sight = speed.step(seen(None, "", None), Motion(8.0, 0.0), age_s=0.0, now_s=0.0)
+    assert (sight.sight_m, sight.cause, speed.share(sight, 8.0)) == (None, "sight_unknown", CALM)
+    assert speed.comfort.way_m(sight.cap_mps) == pytest.approx(SIGHT.unstated_m - FRONT_M - SIGHT.margin_m)
 
 
 def test_an_older_frame_shows_less_by_the_way_driven_since():
