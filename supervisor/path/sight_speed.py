@@ -56,6 +56,7 @@ class DetectorReach(Settings):
 class SightSettings(Settings):
     """Section ``sight`` of ``config/supervisor.yaml``."""
 
+    max_m: Positive  # a longer sight is a fault
     sigmas: NonNegative  # z
     margin_m: Positive
     delay_s: NonNegative  # from a decision to the demand at the drive
@@ -202,7 +203,7 @@ class SightSpeed:
         if statistics is None or statistics.sight_m is None or statistics.sight_sigma_m is None:
             return None
         sight_m, sigma_m = statistics.sight_m, statistics.sight_sigma_m
-        possible = math.isfinite(sight_m) and math.isfinite(sigma_m) and sight_m >= 0.0 and sigma_m >= 0.0
+        possible = 0.0 <= sight_m <= self._settings.max_m and 0.0 <= sigma_m < math.inf
         return sight_m - self._settings.sigmas * sigma_m if possible else None
 
     def _free_m(self, end_m: float) -> float:

@@ -15,6 +15,7 @@ from supervisor.rules.inference import FearRules
 from supervisor.situation.world_state import WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle
+from trepid.causes import Cause
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import ImageStatistics, LeadVehicle, RoadUsers, SteeringEstimate, VehicleState
 
@@ -81,6 +82,12 @@ def situations() -> dict[str, Messages]:
         "off centre": calm | {n: replace(calm[n], lateral_offset_m=0.65) for n in ("cv", "cnn")},
         "narrow": calm | {"cv": replace(calm["cv"], lane_width_m=2.3)},
         "close behind": calm | {"lead": replace(calm["lead"], distance_m=5.0)},
+        "short sight": calm
+        | {
+            "statistics": replace(
+                calm["statistics"], sight_m=30.0, sight_sigma_m=2.0, sight_cause=Cause.FOG.value
+            )
+        },
         "a person in the way": calm
         | {"road_users": replace(calm["road_users"], x_m=(35.0, 16.0), y_m=(9.0, 0.2))},
         "fast": calm | {"state": replace(calm["state"], speed_mps=20.0)},
