@@ -88,6 +88,28 @@ def test_every_stated_sight_allows_at_most_what_the_same_sight_without_doubt_all
         assert 0.0 <= sight.cap_mps <= sure.cap_mps
 
 
+@given(
+    sight_m=st.floats(20.0, 300.0),
+    share=st.floats(0.0, 1.0),
+    more=st.floats(0.01, 0.5),
+    factor=st.floats(1.01, 2.0),
+)
+def test_a_longer_and_a_surer_sight_allow_more_speed(sight_m, share, more, factor):
+    def free_m(metres: float, sigma_m: float) -> float:
+        return sight_speed().step(seen(metres, "fog", sigma_m), Motion(5.0, 0.0), age_s=0.0, now_s=0.0).free_m
+
+    assert free_m(factor * sight_m, share * sight_m) > free_m(sight_m, share * sight_m)
+    assert free_m(sight_m, (share + more) * sight_m) < free_m(sight_m, share * sight_m)
+
+
+def test_a_small_deviation_counts_twice_and_a_large_one_leaves_a_share_of_the_sight():
+    def end_m(sigma_m: float) -> float:
+        return sight_speed().step(seen(100.0, "fog", sigma_m), Motion(5.0, 0.0), age_s=0.0, now_s=0.0).sight_m
+
+    assert end_m(1.0) == pytest.approx(100.0 - 2.0, abs=0.03)
+    assert end_m(50.0) == pytest.approx(100.0 / math.e)
+
+
 @pytest.mark.parametrize("sight_m, sigma_m", [(math.nan, 0.0), (-1.0, 0.0), (30.0, None), (30.0, math.nan)])
 def test_an_impossible_sight_after_a_stated_one_never_raises_the_cap(sight_m, sigma_m):
     speed = sight_speed()
