@@ -59,6 +59,7 @@ class MeasurementCheck:
         self._computed = computed
         self._speed, self._wheel = SpeedCheck(vehicle, settings), WheelCheck(vehicle, settings)
         self._yaw = YawCheck(vehicle, settings)
+        self._reported: set[str] = set()  # quantities that the car has reported
         self._command: Command | None = None
         self._then_s = math.nan
 
@@ -84,6 +85,11 @@ class MeasurementCheck:
         held = self._held(values, driver, dt_s, now_s)
         if state is None:
             return Judged(None, ())
+        for name in (SPEED, WHEEL, YAW):
+            if values[name] is not None:
+                self._reported.add(name)
+            elif name in self._reported and name not in {*reasons, *state.doubted, *self._computed}:
+                reasons[name] = "is not reported any more"
         doubts = {SPEED: self._speed.doubt, WHEEL: self._wheel.doubt, YAW: self._yaw.doubt}
         for name, doubt in doubts.items():
             if values[name] is not None and not held[name]:

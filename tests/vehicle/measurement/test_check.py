@@ -91,13 +91,17 @@ def test_no_sequence_of_floats_gets_a_value_through_that_no_car_has(values):
 
 @given(st.lists(st.tuples(anything, anything, anything), min_size=1, max_size=60))
 @settings(max_examples=100, deadline=None)
-def test_a_quantity_is_named_exactly_when_it_was_reported_and_is_absent(values):
-    check = build(CAR)
+def test_a_quantity_is_named_exactly_when_it_has_been_reported_and_is_absent(values):
+    check, known = build(CAR), set()
     for k, reported in enumerate(values):
         found = check.step(state(*reported, t_s=0.0), now_s=k * PERIOD_S).state
         published = (found.speed_mps, found.road_wheel_angle_rad, found.yaw_rate_radps)
-        pairs = zip((SPEED, WHEEL, YAW), reported, published, strict=True)
-        taken = {name for name, before, after in pairs if before is not None and after is None}
+        triples = list(zip((SPEED, WHEEL, YAW), reported, published, strict=True))
+        absent = {name for name, _, after in triples if after is None}
+        taken = {name for name, before, after in triples if before is not None and after is None}
+        assert set(found.doubted) - taken <= known & absent
+        taken |= set(found.doubted)
+        known |= {name for name, before, _ in triples if before is not None}
         assert set(found.doubted) == taken
 
 
@@ -224,3 +228,12 @@ def test_a_value_that_stands_while_the_others_move_is_not():
     found = [standing.step(0.0, 0.001 * k, moving=True, now_s=0.01 * k) for k in range(100)]
     assert found[-1] == pytest.approx(0.05)  # as it was found, until the value changes
     assert not any(found[: round(LIMITS.stands.after_s / 0.01)])
+
+
+def test_a_quantity_that_the_car_has_reported_and_reports_no_more_is_named():
+    check = build(CAR)
+    assert check.step(state(yaw_radps=None), now_s=0.0).state.doubted == ()
+    check.step(state(), now_s=0.01)
+    found, reasons = check.step(state(speed_mps=None), now_s=0.02)
+    assert (found.speed_mps, found.doubted) == (None, (SPEED,))
+    assert reasons == ("speed: is not reported any more",)
