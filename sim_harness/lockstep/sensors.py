@@ -52,6 +52,11 @@ class SimulatedSensors:
         """Let ``carry`` take the states to the check, as the wire of a car does, and ``check`` be that check."""
         self._carry, self._check = carry, check
 
+    def restart(self) -> None:
+        """Restart the check of the measurements: the car was moved by hand."""
+        if self._check is not None:
+            self._check.restart()
+
     def measured(self, true: VehicleState, *, elapsed_s: float) -> VehicleState:
         """``true`` with white noise, that of the speed proportional to it, under the faults at ``elapsed_s``."""
         settings = self._settings

@@ -164,6 +164,7 @@ class SimulatedVehicle:
             if self._referee.must_recentre(self._pose, self._place):
                 self._place = Place(self._place.station_m, 0.0, 0.0)
                 self._pose = self._recentred(self._pose, self._place)
+                self.sensors.restart()
         self._touch()
 
     def _touch(self) -> None:

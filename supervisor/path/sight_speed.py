@@ -70,7 +70,7 @@ class SightSettings(Settings):
     comfort: Brake
     firm: Brake  # what speed tracking can do: where this is not enough, the car brakes as in an emergency
     emergency: Brake
-    detector: DetectorReach
+    detector: DetectorReach | None = None  # None: no bound, on tracks without other vehicles
 
     @model_validator(mode="after")
     def _brakes_hold_on_the_slope(self) -> Self:
@@ -129,7 +129,8 @@ class SightSpeed:
             return StoppingWay(brake.decel_mps2 - settings.unknown_slope_mps2, reaction_s + more_s)
 
         self.comfort, self.firm = stop(settings.comfort), stop(settings.firm)
-        self.emergency = stop(settings.emergency, settings.detector.confirm_s)
+        confirm_s = settings.detector.confirm_s if settings.detector else 0.0
+        self.emergency = stop(settings.emergency, confirm_s)
         self._end_m: float | None = None  # the remembered sight less its deviation, from where the car is now
         self._cause, self._stated_s = "", -math.inf
         self._now_s: float | None = None
@@ -166,7 +167,6 @@ class SightSpeed:
         elif self._end_m is not None:
             self._end_m -= speed_mps * dt_s
         lately = now_s - self._stated_s <= self._settings.memory_s
-        reach_m = self._settings.detector.clear_m
         if self._end_m is None or not lately:
             sight_m, cause = None, str(Cause.SIGHT_UNKNOWN)
             free_m = math.inf if self._stated_s == -math.inf else self._free_m(self._settings.unmeasured_m)
@@ -176,11 +176,12 @@ class SightSpeed:
                 cause = ""
             if cause:
                 free_m = self._free_m(sight_m)
-                reach_m = at_most(self._settings.detector.share * sight_m, reach_m)
         never = self._stated_s == -math.inf
         cap_mps = self.comfort.speed_mps(self._free_m(self._settings.unstated_m) if never else free_m)
-        if watches:
-            cap_mps = at_most(self._reach_mps(reach_m, bend_1pm), cap_mps)
+        detector = self._settings.detector
+        if watches and detector is not None:
+            ended_m = sight_m if sight_m is not None and cause else math.inf
+            cap_mps = at_most(self._reach_mps(detector, ended_m, bend_1pm), cap_mps)
         return Sight(sight_m, cause, free_m, cap_mps)
 
     def is_too_fast(self, sight: Sight, motion: Motion | None) -> bool:
@@ -219,9 +220,12 @@ class SightSpeed:
         assert self._end_m is not None
         return leader_m - self._end_m <= at_least(SAME_M, SAME_SHARE * self._end_m)
 
-    def _reach_mps(self, reach_m: float, bend_1pm: float) -> float:
-        """The speed from which an emergency stop fits within the reach of the detector."""
-        aside_m = self._settings.detector.aside_m
-        if bend_1pm * reach_m * reach_m > 2.0 * aside_m:
-            reach_m = math.sqrt(2.0 * aside_m / bend_1pm)
+    def _reach_mps(self, detector: DetectorReach, ended_m: float, bend_1pm: float) -> float:
+        """The speed from which an emergency stop fits within the reach of the ``detector``.
+
+        ``ended_m``: a sight that something ends; inf without one.
+        """
+        reach_m = at_most(detector.share * ended_m, detector.clear_m)
+        if bend_1pm * reach_m * reach_m > 2.0 * detector.aside_m:
+            reach_m = math.sqrt(2.0 * detector.aside_m / bend_1pm)
         return self.emergency.speed_mps(self._free_m(reach_m))

@@ -56,11 +56,16 @@ class MeasurementCheck:
             YAW: limits.yaw_rate_radps,
             TORQUE: limits.torque_nm,
         }
-        self._computed = computed
+        self._vehicle, self._settings, self._computed = vehicle, settings, computed
+        self._command: Command | None = None
+        self._reported: set[str] = set()  # quantities that the car has reported
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the past of every quantity: something else than drive and steering moved the car."""
+        vehicle, settings = self._vehicle, self._settings
         self._speed, self._wheel = SpeedCheck(vehicle, settings), WheelCheck(vehicle, settings)
         self._yaw = YawCheck(vehicle, settings)
-        self._reported: set[str] = set()  # quantities that the car has reported
-        self._command: Command | None = None
         self._then_s = math.nan
 
     def given(self, command: Command | None) -> None:

@@ -10,7 +10,7 @@ import pytest
 import controller.controller
 import controller.limiter
 import perception.sight.judge
-import sim_harness.lockstep.vehicle
+import sim_harness.lockstep.sensors
 import supervisor.supervisor
 from sim_harness.judging.metrics import FurtherMetrics
 from sim_harness.lockstep.camera import SimulatedCamera
@@ -107,9 +107,9 @@ def test_a_car_with_a_valid_lane_keeps_it_and_arrives(name):
 
 def test_the_mirrored_road_is_driven_as_the_mirror_image(monkeypatch):
     left = drive(load_scenario("curve_left_r15").shortened(20.0)).trace
-    noise = sim_harness.lockstep.vehicle._standard_normal
+    noise = sim_harness.lockstep.sensors._standard_normal
     monkeypatch.setattr(
-        "sim_harness.lockstep.vehicle._standard_normal",
+        "sim_harness.lockstep.sensors._standard_normal",
         lambda seed: ([speed, -angle, -yaw_rate] for speed, angle, yaw_rate in noise(seed)),
     )
     right = drive(load_scenario("curve_right_r15").shortened(20.0)).trace

@@ -237,3 +237,17 @@ def test_a_quantity_that_the_car_has_reported_and_reports_no_more_is_named():
     found, reasons = check.step(state(speed_mps=None), now_s=0.02)
     assert (found.speed_mps, found.doubted) == (None, (SPEED,))
     assert reasons == ("speed: is not reported any more",)
+
+
+@pytest.mark.parametrize("restarted", [True, False])
+def test_a_speed_that_jumps_holds_only_where_the_car_was_moved_by_hand(restarted):
+    check, judged = build(CAR), []
+    for k in range(300):
+        now_s = k * PERIOD_S
+        if k == 200 and restarted:
+            check.restart()
+        speed_mps = 5.0 if k < 200 else 9.0
+        seen = state(speed_mps + 1e-6 * math.sin(1000.0 * k), 1e-6 * math.sin(k), 1e-6 * math.cos(k), now_s)
+        judged.append((now_s, check.step(seen, now_s=now_s)))
+        check.given(Command(t_s=now_s, road_wheel_angle_rad=0.0, speed_mps=5.0, accel_mps2=0.0))
+    assert (SPEED in doubted(judged)) is not restarted
