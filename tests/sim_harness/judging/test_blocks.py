@@ -46,7 +46,7 @@ def test_samples_that_are_put_away_take_no_memory() -> None:
 
     tracemalloc.start()
     try:
-        before = size_after(2 * trace.BLOCK)
+        before = size_after(4 * trace.BLOCK)  # the buffers of the first blocks stay
         assert size_after(10 * trace.BLOCK) - before < 100_000  # one sample has 300 bytes
     finally:
         tracemalloc.stop()
