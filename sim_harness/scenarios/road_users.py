@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from sim_harness.scenarios.traffic import PlaceOnRoad
 from sim_harness.world.render.scene.people import FIGURES, Figure, Shape
 from trepid.config import Settings
 from trepid.types import NonNegative, Positive
@@ -66,25 +67,15 @@ class ChangePace(UserTrigger):
 UserPhase = Annotated[Cross | ChangePace, Field(discriminator="kind")]
 
 
-class RoadUser(Settings):
+class RoadUser(PlaceOnRoad):
     """One person, cyclist or animal: the place and speed at t = 0, and the phases."""
 
-    gap_m: float | None = None  # of its middle, ahead of the ego bumper
-    station_m: float | None = None  # of its middle; instead of gap_m
-    lane: int = 0  # 0: the ego lane, 1: the next to the left, -1: to the right
-    offset_m: float = 0.0  # from the centre of that lane, + = left
     speed_mps: NonNegative = 0.0  # in the direction that it faces; 0: stands
     facing_rad: Annotated[float, Field(ge=-math.pi, le=math.pi)] = (
         0.0  # relative to the road; π/2: to the left
     )
     shape: Shape = Shape.ADULT
     phases: tuple[UserPhase, ...] = ()
-
-    @model_validator(mode="after")
-    def _has_one_place(self) -> Self:
-        if (self.gap_m is None) == (self.station_m is None):
-            raise ValueError("give one of gap_m, station_m")
-        return self
 
     @property
     def figure(self) -> Figure:

@@ -79,23 +79,30 @@ class TurnOff(Trigger):
 Phase = Annotated[ChangeSpeed | ChangeLane | TurnOff, Field(discriminator="kind")]
 
 
-class TrafficVehicle(Settings):
-    """One other vehicle: its place and speed at t = 0, and its phases."""
+class PlaceOnRoad(Settings):
+    """The place of a vehicle, person or animal at t = 0: ahead of the ego vehicle, or at a station."""
 
-    gap_m: float | None = None  # ahead of the ego vehicle, bumper to bumper
-    station_m: float | None = None  # of its rear axle; instead of gap_m
+    gap_m: float | None = (
+        None  # from the ego bumper: to the near bumper of a vehicle, to the middle of others
+    )
+    station_m: float | None = None  # of the rear axle of a vehicle, of the middle of others; instead of gap_m
     lane: int = 0  # 0: the ego lane, 1: the next to the left, -1: to the right
     offset_m: float = 0.0  # from the centre of that lane, + = left
-    speed_mps: NonNegative = 0.0  # 0: parked
-    oncoming: bool = False
-    shape: Shape = Shape.CAR
-    phases: tuple[Phase, ...] = ()
 
     @model_validator(mode="after")
     def _has_one_place(self) -> Self:
         if (self.gap_m is None) == (self.station_m is None):
             raise ValueError("give one of gap_m, station_m")
         return self
+
+
+class TrafficVehicle(PlaceOnRoad):
+    """One other vehicle: its place and speed at t = 0, and its phases."""
+
+    speed_mps: NonNegative = 0.0  # 0: parked
+    oncoming: bool = False
+    shape: Shape = Shape.CAR
+    phases: tuple[Phase, ...] = ()
 
     @property
     def body(self) -> Body:
