@@ -74,7 +74,7 @@ WHY = {
     "time_gap": "the vehicle ahead may brake harder than the reaction time allows",
     "lead_distance": "traffic hides the road beyond it",
     "person_time": "nothing protects a person, and an animal does not look",
-    "person_margin": "a person who stands may step out; a car that is not slow enough yet cannot stop then",
+    "person_margin": "a standing person may step out, and a car above the permitted speed cannot stop for that",
 }
 """Why each input of ``config/fear.yaml`` is an indicator of risk."""
 

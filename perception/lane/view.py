@@ -52,7 +52,7 @@ def make_view(settings: LaneCvSettings, camera: Camera) -> View | None:
         return None
     return View(
         camera=camera,
-        undistort=_undistortion(working),
+        undistort=undistortion_maps(working),
         grid=grid,
         markings=MarkingFilter(settings.markings, grid),
         edges=RoadEdgeFinder(settings.edges, grid.camera),
@@ -76,7 +76,8 @@ def as_bgr(image: NDArray[np.uint8]) -> Image:
     return image
 
 
-def _undistortion(working: Camera) -> tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None:
+def undistortion_maps(working: Camera) -> tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None:
+    """Maps for :func:`cv2.remap` that take the lens distortion out of an image; None for a lens without any."""
     if not any(working.distortion):
         return None
     size = (working.width_px, working.height_px)

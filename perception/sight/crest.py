@@ -135,7 +135,7 @@ class CrestFinder:
         """Sight [m] from the lens up to a crest; None without one.
 
         ``ahead_m``: the end of the ground in the frame of ``t_s``, as of :meth:`GroundEnd.ahead_m`. Without a known
-        speed nothing is told from the ground, and everything before is forgotten.
+        speed the result is None, and the frames before no longer count.
         """
         settings, dt_s = self._settings, t_s - self._t_s
         self._t_s = t_s

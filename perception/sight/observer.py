@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from perception.camera.grey import small_grey
+from perception.lane.view import undistortion_maps
 from perception.sight.air import AirFit, Range, Sky
 from perception.sight.crest import CrestFinder, GroundEnd
 from perception.sight.dark import Lighting, dark_m, lighting, noise_grey
@@ -74,7 +75,7 @@ class SightObserver:
         """The sight in ``frame``; None where the image does not say.
 
         ``estimate``: the lane, of this frame or of the one before; without one the ground straight ahead counts.
-        ``state``: without a speed no crest is told from what lies on the ground.
+        ``state``: its speed separates a crest from paint on the ground; without a speed no crest is found.
         """
         return self._memory.step(self._seen(frame, estimate, state), frame.t_s)
 
@@ -170,7 +171,7 @@ class SightObserver:
         settings = self._settings
         air = AirFit(camera, strip.distance_m, settings.air, reach_m=settings.reach_m)
         ground_end = GroundEnd(camera, settings.crest)
-        return _Eye(camera, camera.pixel_from_road_matrix, strip, ground_end, air, _undistortion(camera))
+        return _Eye(camera, camera.pixel_from_road_matrix, strip, ground_end, air, undistortion_maps(camera))
 
 
 class _Memory:
@@ -218,11 +219,3 @@ def _beside_m(camera: Camera, path: Path, near_m: float) -> float:
     turned_back = np.append(False, np.diff(path.x_m) < 0)
     lost = np.flatnonzero(out | turned_back)
     return float(path.way_m[lost[0]]) if len(lost) else math.inf
-
-
-def _undistortion(camera: Camera) -> tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None:
-    if not any(camera.distortion):
-        return None
-    size = (camera.width_px, camera.height_px)
-    intrinsics, distortion = camera.intrinsics, np.array(camera.distortion)
-    return cv2.initUndistortRectifyMap(intrinsics, distortion, np.eye(3), intrinsics, size, cv2.CV_16SC2)

@@ -159,7 +159,7 @@ def step_outs(driven: list[tuple[Case, Row]]) -> Row:
 
 
 def bystanders(driven: list[tuple[Case, Row]]) -> Row:
-    """A stop for one who stands aside is not needed."""
+    """A stop for a person who stands beside the lane is not needed."""
     return _common(driven) | {"stops not needed": sum(row["stood"] for _, row in driven)}
 
 
