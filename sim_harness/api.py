@@ -173,8 +173,8 @@ def drive(
     The result is the dictionary that ``trepid drive --json`` prints. Call it in the main thread: SIGINT and
     SIGTERM stop the car. Raises InputError for wrong input, and for a process that does not start.
     """
-    from sim_harness.live.drive import drive as drive_live
-    from sim_harness.live.drive import has_simulator
+    from drive.launcher import drive as drive_live
+    from drive.launcher import has_simulator
     from trepid.processes.drive_settings import DriveSettings
 
     refuse("raw_images needs record", raw_images and record is None)

@@ -23,9 +23,10 @@ ALLOWED = {
     "supervisor": {"trepid", "supervisor"},
     "controller": {"trepid", "controller"},
     "vehicle": {"trepid", "controller", "vehicle"},  # the limiter, as the last step before the wire
-    "sim_harness": {*ROAD, "sim_harness"},
-    "cockpit": {*ROAD, "cockpit"},
-    "learning": {*ROAD, "sim_harness", "cockpit", "learning"},
+    "drive": {*ROAD, "drive", "sim_harness"},
+    "sim_harness": {*ROAD, "drive", "sim_harness"},
+    "cockpit": {*ROAD, "drive", "cockpit"},
+    "learning": {*ROAD, "drive", "sim_harness", "cockpit", "learning"},
 }
 BENCHMARKS = "sim_harness.bench"  # may import all but the command line
 COMMAND_LINES = {"cli.py", "__main__.py"}

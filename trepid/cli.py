@@ -45,7 +45,7 @@ class Verb(NamedTuple):
 
 VERBS = {
     "drive": Verb(
-        "sim_harness.live.drive_cli",
+        "drive.cli",
         "drive",
         "Drive with all processes (camera, perception, supervisor, controller, vehicle) over Zenoh.",
     ),

@@ -11,6 +11,7 @@ PACKAGES = (
     "supervisor",
     "controller",
     "vehicle",
+    "drive",
     "sim_harness",
     "cockpit",
     "learning",

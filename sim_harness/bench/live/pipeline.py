@@ -12,10 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from drive.log import DriveLog
+from drive.plan import context_of, planned
 from sim_harness.bench.live.overload import overload
 from sim_harness.bench.live.ping import pinging
-from sim_harness.live.drive_log import DriveLog
-from sim_harness.live.plan import context_of, planned
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns

@@ -10,7 +10,7 @@ import pytest
 from message_rig import decision as some_decision
 from websockets.sync.client import ClientConnection, connect
 
-from sim_harness.live.plan import planned
+from drive.plan import planned
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns, seconds
 from trepid.config import InputError

@@ -7,8 +7,8 @@ import pytest
 import controller.controller
 import sim_harness.lockstep.closed_loop
 import supervisor.supervisor
+from drive import cli
 from sim_harness.cli import app
-from sim_harness.live import drive_cli
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.config import CONFIG_DIR, InputError
@@ -44,9 +44,9 @@ def test_sim_limits_refuses_a_bad_file_of_the_supervisor_before_the_first_run(ba
 
 
 def test_drive_refuses_a_bad_file_of_the_supervisor_before_the_first_process(bad_supervisor, monkeypatch):
-    monkeypatch.setattr("sim_harness.live.drive.Fleet", lambda *_, **__: pytest.fail("a process was started"))
+    monkeypatch.setattr("drive.launcher.Fleet", lambda *_, **__: pytest.fail("a process was started"))
     with pytest.raises(InputError, match=f"^{re.escape(bad_supervisor)}"):
-        drive_cli.drive(scenario="straight", duration=1.0, dashboard=False)
+        cli.drive(scenario="straight", duration=1.0, dashboard=False)
 
 
 def test_a_bad_file_of_the_controller_is_refused_with_its_place(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ import pytest
 from process_rig import until
 from vehicle_driver_rig import SETTINGS, button
 
-from sim_harness.live.plan import planned
+from drive.plan import planned
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CAR

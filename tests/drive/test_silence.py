@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from sim_harness.live.silence import Silence
+from drive.silence import Silence
 from trepid.messages import Diagnostic, Health
 from trepid.processes.settings import ProcessSpec
 

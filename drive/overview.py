@@ -3,8 +3,8 @@
 import json
 from typing import Any
 
-from sim_harness.live.drive_log import DriveLog
-from sim_harness.live.loads import number
+from drive.loads import number
+from drive.log import DriveLog
 from trepid.bus import Bus
 from trepid.clock import nanoseconds
 from trepid.messages import Diagnostic, Health

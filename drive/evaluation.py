@@ -3,10 +3,10 @@
 from dataclasses import asdict
 from typing import Any
 
+from drive.log import DriveLog
 from sim_harness.judging.conditions.expect import judge
 from sim_harness.judging.metrics import measure
 from sim_harness.judging.trace import Trace
-from sim_harness.live.drive_log import DriveLog
 from sim_harness.scenarios.events import with_events
 from sim_harness.scenarios.scenario import Scenario
 from trepid.processes.launch import Fleet

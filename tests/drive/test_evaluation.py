@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from message_rig import decision
 
-from sim_harness.live.drive_log import DriveLog
-from sim_harness.live.evaluation import evaluated
+from drive.evaluation import evaluated
+from drive.log import DriveLog
 from trepid.bus import free_endpoint, open_bus
 from trepid.messages import Diagnostic, Health, VehicleState
 from trepid.topics import DECISION, DIAGNOSTICS, VEHICLE_STATE

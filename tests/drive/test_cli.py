@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from rich.console import Console
 
-from sim_harness.live.drive_cli import say, shown, status, summary
+from drive.cli import say, shown, status, summary
 from trepid.messages import Diagnostic, Health
 
 KEPT = "old rules kept: fear.yaml:3:5: no such input"

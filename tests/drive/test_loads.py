@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from sim_harness.live.drive_log import DriveLog
-from sim_harness.live.loads import Loads, number
-from sim_harness.live.overview import Overview
+from drive.loads import Loads, number
+from drive.log import DriveLog
+from drive.overview import Overview
 from trepid.bus import free_endpoint, open_bus
 from trepid.messages import Diagnostic, Health
 from trepid.processes.process import READY

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sim_harness.live.losses import LossReport
+from drive.losses import LossReport
 from trepid.messages import Diagnostic, Health, Losses
 from trepid.processes.settings import Loss, ProcessSpec
 

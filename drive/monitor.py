@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from sim_harness.live.drive_log import DriveLog
-from sim_harness.live.evaluation import evaluated
-from sim_harness.live.losses import LossReport
-from sim_harness.live.overview import Overview
-from sim_harness.live.silence import Silence
+from drive.evaluation import evaluated
+from drive.log import DriveLog
+from drive.losses import LossReport
+from drive.overview import Overview
+from drive.silence import Silence
 from sim_harness.scenarios.scenario import Scenario
 from trepid.bus import Bus
 from trepid.clock import Clock
@@ -35,7 +35,7 @@ class Assigned(NamedTuple):
     remark: str = ""  # about the car, for the summary
 
 
-class Referee:
+class Monitor:
     """Monitors one drive and evaluates it."""
 
     def __init__(

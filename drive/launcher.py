@@ -13,9 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from perception.estimators import misfits
-from perception.lead.finder import blindness, check_lead
-from sim_harness.live.plan import (
+from drive.monitor import Assigned, Monitor, Show
+from drive.plan import (
     Networks,
     check_car,
     context_of,
@@ -24,7 +23,8 @@ from sim_harness.live.plan import (
     networks_in,
     planned,
 )
-from sim_harness.live.referee import Assigned, Referee, Show
+from perception.estimators import misfits
+from perception.lead.finder import blindness, check_lead
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
 from sim_harness.scenarios.road_users import UserSensor
@@ -135,10 +135,10 @@ def drive(
         if any(spec.name == FOXGLOVE for spec in specs):
             say(f"Foxglove or Lichtblick: open the connection ws://127.0.0.1:{foxglove}")
         assigned = Assigned(scenario, estimators, duration_s, what, endpoint, remark)
-        referee = Referee(bus, clock, fleet, assigned, settings, show)
-        if referee.wait_until_ready(signals):
-            referee.watch(signals)
-        return referee.row(seed)
+        monitor = Monitor(bus, clock, fleet, assigned, settings, show)
+        if monitor.wait_until_ready(signals):
+            monitor.watch(signals)
+        return monitor.row(seed)
 
 
 def _plan(

@@ -22,8 +22,8 @@ if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from rich.table import Table
     from rich.text import Text
 
-    from sim_harness.live.drive_log import DriveLog
-    from sim_harness.live.referee import Show
+    from drive.log import DriveLog
+    from drive.monitor import Show
     from trepid.processes.drive_settings import DriveSettings
     from trepid.processes.launch import Fleet
     from trepid.processes.page_door import PageDoor
@@ -119,8 +119,8 @@ def _drive(
     raw_images: bool,
 ) -> dict[str, Any]:
     """The row of the drive. ``life`` prints a line after SIGN_OF_LIFE_S; the first line of the drive cancels it."""
-    from sim_harness.live.drive import drive as drive_scenario
-    from sim_harness.live.drive import has_simulator
+    from drive.launcher import drive as drive_scenario
+    from drive.launcher import has_simulator
     from sim_harness.scenarios.chosen_estimators import changes_of, networks_of
     from trepid.processes.drive_settings import DriveSettings
     from trepid.processes.page_door import foxglove_port

@@ -3,9 +3,9 @@
 from array import array
 from typing import Any
 
+from drive.loads import Loads, number
+from drive.tally import Tally
 from sim_harness.judging.trace import Recorder, Trace
-from sim_harness.live.loads import Loads, number
-from sim_harness.live.tally import Tally
 from trepid.bus import Bus, Stream
 from trepid.clock import Clock
 from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, Timing, VehicleState

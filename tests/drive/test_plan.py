@@ -7,14 +7,14 @@ import pytest
 from driving_network_rig import write_network
 
 from cockpit.car.init import Like, write_car
-from perception.lead.finder import check_lead
-from sim_harness.live.plan import (
+from drive.plan import (
     check_car,
     context_of,
     estimators_of,
     networks_in,
     planned,
 )
+from perception.lead.finder import check_lead
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import CAR, InputError
 from trepid.processes.settings import check_vehicle, load_processes
