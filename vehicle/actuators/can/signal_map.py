@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import cantools
 from ruamel.yaml.comments import CommentedMap
 
 from controller.limiter import Limits
@@ -11,6 +10,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load, located, parse, read
 from trepid.spelling import did_you_mean
 from vehicle.actuators.can.checksums import WHOLE_BYTE
+from vehicle.actuators.can.dbc import Dbc
 from vehicle.actuators.can.frames import WORD, Receiver, Sender, raw_range, to_signal
 from vehicle.actuators.can.settings import (
     ROAD_WHEEL,
@@ -57,7 +57,8 @@ def load_map(path: Path, vehicle: Vehicle) -> SignalMap:
     """The map in ``path`` with its DBC.
 
     Raises InputError with the place in the map: for a DBC that cannot be read, a message or signal that it does
-    not have, a value that a signal cannot hold, a field that is used twice, and a missing command or report.
+    not have, a value that a signal cannot hold, a field that is used twice, and a missing command or report; with
+    the place in the DBC for a fault in a mapped message. A fault in other parts of the DBC is none.
     """
     data = read(path)
     settings = parse(data, CanMap, source=path)
@@ -71,15 +72,17 @@ def load_map(path: Path, vehicle: Vehicle) -> SignalMap:
     return SignalMap(settings, check.messages)
 
 
-def _database(path: Path, data: CommentedMap, settings: CanMap) -> Any:
-    dbc = path.parent / settings.dbc
+def _database(path: Path, data: CommentedMap, settings: CanMap) -> Dbc:
+    file = path.parent / settings.dbc
     try:
-        return cantools.database.load_file(dbc, database_format="dbc", strict=True)
+        dbc = Dbc(file)
     except OSError as error:
-        raise InputError(located(("dbc",), f"{dbc}: cannot be read: {error.strerror}", data, path)) from error
-    except (cantools.Error, ValueError, KeyError) as error:
-        what = " ".join(str(error).split())
-        raise InputError(located(("dbc",), f"{dbc}: is no DBC: {what}", data, path)) from error
+        raise InputError(
+            located(("dbc",), f"{file}: cannot be read: {error.strerror}", data, path)
+        ) from error
+    if not dbc.messages:
+        raise InputError(located(("dbc",), f"{file}: is no DBC: no line `BO_ <id> <name>: ...`", data, path))
+    return dbc
 
 
 def _ranges(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
@@ -101,12 +104,17 @@ def _angles(ranges: dict[str, tuple[float, float]]) -> dict[str, tuple[float, fl
     return {name: ends for name, ends in ranges.items() if name in STEERING}
 
 
+def _signal_names(mapped: Either) -> set[str]:
+    names = {each.signal for each in mapped.signals}
+    names |= {each.signal for each in (mapped.counter, mapped.checksum) if each is not None}
+    return names | (set(mapped.constants) if isinstance(mapped, CommandMessage) else set())
+
+
 class _Check:
     """Checks of one map against its DBC; each fault is an InputError with its place in the map."""
 
-    def __init__(self, path: Path, data: CommentedMap, database: Any) -> None:
-        self._path, self._data = path, data
-        self._known = {message.name: message for message in database.messages}
+    def __init__(self, path: Path, data: CommentedMap, dbc: Dbc) -> None:
+        self._path, self._data, self._dbc = path, data, dbc
         self.messages: dict[str, Any] = {}
 
     def _wrong(self, where: Place, what: str) -> InputError:
@@ -115,14 +123,14 @@ class _Check:
     def message(self, where: Place, mapped: Either, ranges: dict[str, tuple[float, float]]) -> None:
         """Check one message; ``ranges`` [SI] must fit into its signals."""
         name = mapped.message
-        if name not in self._known:
-            hint = did_you_mean(name, self._known)
+        if name not in self._dbc.messages:
+            hint = did_you_mean(name, self._dbc.messages)
             raise self._wrong((*where, "message"), f"the DBC has no message {name!r}; {hint}")
         if name in self.messages:
             raise self._wrong((*where, "message"), f"{name!r} has an entry already")
-        message = self.messages[name] = self._known[name]
-        if message.is_multiplexed():
+        if self._dbc.is_multiplexed(name):
             raise self._wrong((*where, "message"), f"{name!r} is multiplexed, which is not supported")
+        message = self.messages[name] = self._dbc.message(name, _signal_names(mapped))
         used: set[str] = set()
         signals: tuple[CommandSignal | ReportSignal, ...] = mapped.signals
         for k, each in enumerate(signals):
@@ -136,13 +144,13 @@ class _Check:
         self._protection(where, mapped, message, used)
 
     def _signal(self, where: Place, message: Any, name: str, used: set[str]) -> Any:
-        known = {signal.name: signal for signal in message.signals}
+        known = self._dbc.signals(message.name)
         if name not in known:
             raise self._wrong(where, f"{message.name} has no signal {name!r}; {did_you_mean(name, known)}")
         if name in used:
             raise self._wrong(where, f"signal {name!r} is used twice")
         used.add(name)
-        return known[name]
+        return message.get_signal_by_name(name)
 
     def _fits(
         self, where: Place, each: CommandSignal | ReportSignal, signal: Any, ends: tuple[float, float]

@@ -1,0 +1,245 @@
+"""Messages of a DBC, read one at a time: a fault in the rest of the file is no fault of what a map uses.
+
+Real DBC files carry overlapping signals, values of messages that were deleted, identifiers without the bit of an
+extended frame and comments without an address. cantools refuses the whole file for any of them. Here the file is
+split into statements; the mapped signals of one message, with their values, types and the attributes of the frame,
+are left in place, all else is blanked, and cantools reads this rest strictly.
+"""
+
+import re
+from collections.abc import Iterator, Set
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cantools
+
+from trepid.config import InputError
+
+_KEYWORDS = (
+    *("VERSION", "NS_", "BS_", "BU_", "BO_", "SG_", "EV_", "CM_", "VAL_", "VAL_TABLE_", "BO_TX_BU_"),
+    *("BA_", "BA_DEF_", "BA_DEF_DEF_", "BA_DEF_SGTYPE_", "BA_SGTYPE_", "BA_REL_", "BA_DEF_REL_"),
+    *(
+        "BA_DEF_DEF_REL_",
+        "SIG_VALTYPE_",
+        "SIG_TYPE_REF_",
+        "SIG_GROUP_",
+        "SG_MUL_VAL_",
+        "SGTYPE_",
+        "ENVVAR_DATA_",
+    ),
+)
+_MARK = re.compile(
+    r"//[^\n]*"
+    r'|(?P<comment>^[ \t]*CM_\s[^";]*"(?:\\"|[^"])*"\s*;)'  # it alone may reach over several lines
+    r'|"(?:\\"|[^"\n])*"'
+    r"|(?P<end>;)"
+    rf"|(?P<keyword>^[ \t]*(?:{'|'.join(_KEYWORDS)})(?![^\s:]))",
+    re.MULTILINE,
+)
+_MESSAGE = re.compile(r"\s*BO_\s+(?P<id>\d+)\s+(?P<name>\w+)\s*:")
+_SIGNAL = re.compile(r"\s*SG_\s+(?P<name>\w+)\s*(?P<multiplex>m\d+M?|M)?\s*:\s*(?P<layout>[^\s(]*)")
+_LAYOUT = re.compile(r"(?P<start>\d+)\|(?P<length>\d+)@(?P<order>[01])[+-]")
+_OF_SIGNAL = re.compile(r"\s*(?:VAL_|SIG_VALTYPE_)\s+(?P<id>\d+)\s+(?P<name>\w+)")
+_ATTRIBUTE = re.compile(
+    r'\s*(?:BA_DEF_|BA_DEF_DEF_|BA_)\s+(?:BO_\s+|SG_\s+)?"(?P<attribute>\w+)"'
+    r"(?:\s+(?:BO_|SG_)\s+(?P<id>\d+)(?:\s+(?P<name>\w+))?)?"
+)
+_LONG = re.compile(
+    r'\s*BA_\s+"System(?:Message|Signal)LongSymbol"\s+(?:BO_|SG_)\s+(?P<id>\d+)\s+(?P<rest>.*)', re.DOTALL
+)
+_LONG_NAME = re.compile(r'(?:(?P<short>\w+)\s+)?"(?P<long>\w+)"')
+_FRAME_ATTRIBUTES = {
+    "VFrameFormat",
+    "BusType",
+    "ProtocolType",
+    "SystemMessageLongSymbol",
+    "SystemSignalLongSymbol",
+}
+_SYNTAX = re.compile(r'Invalid syntax at line (\d+), column (\d+): "(.*)"', re.DOTALL)
+_BYTE = 8
+_EXTENDED, _MOST_STANDARD = 1 << 31, 0x7FF
+
+
+class _Signal(NamedTuple):
+    """One ``SG_`` of a message."""
+
+    name: str
+    statement: int  # number of its statement
+    multiplexed: bool
+    bits: Set[int]  # byte · 8 + bit; empty where the layout cannot be read
+
+
+class _Message(NamedTuple):
+    """One ``BO_`` with its signals."""
+
+    identifier: int  # as written: with bit 31 for an extended frame
+    statement: int
+    signals: list[_Signal]
+
+
+class Dbc:
+    """A DBC file: what messages and signals it names, and single messages of it."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises OSError. A file that is no DBC has no ``messages``."""
+        self._path = path
+        self._text = _decoded(path.read_bytes())
+        self._statements = list(_statements(self._text))
+        self._messages: dict[str, list[_Message]] = {}
+        self._long_signals: dict[tuple[int, str], str] = {}  # message, short name -> long name
+        self._index()
+
+    def _index(self) -> None:
+        newest: _Message | None = None
+        long_messages: dict[int, str] = {}
+        found_messages: list[tuple[str, _Message]] = []
+        for number, (start, end) in enumerate(self._statements):
+            text = self._text[start:end]
+            if found := _MESSAGE.match(text):
+                newest = _Message(int(found["id"]), number, [])
+                found_messages.append((found["name"], newest))
+            elif (found := _SIGNAL.match(text)) and newest is not None:
+                signal = _Signal(found["name"], number, bool(found["multiplex"]), _bits(found["layout"]))
+                newest.signals.append(signal)
+            elif (found := _LONG.match(text)) and (named := _LONG_NAME.match(found["rest"])):
+                if named["short"]:
+                    self._long_signals[int(found["id"]), named["short"]] = named["long"]
+                else:
+                    long_messages[int(found["id"])] = named["long"]
+        for short, message in found_messages:
+            self._messages.setdefault(long_messages.get(message.identifier, short), []).append(message)
+
+    @property
+    def messages(self) -> Set[str]:
+        """The names of all messages."""
+        return self._messages.keys()
+
+    def signals(self, message: str) -> list[str]:
+        """The names of the signals of ``message``, in the order of the file."""
+        first = self._messages[message][0]
+        return [self._name(first, signal) for signal in first.signals]
+
+    def is_multiplexed(self, message: str) -> bool:
+        """Whether a signal of ``message`` is there in some frames only."""
+        return any(signal.multiplexed for signal in self._messages[message][0].signals)
+
+    def message(self, name: str, signals: Set[str]) -> Any:
+        """The message ``name`` of cantools with those of its ``signals`` that the file has, and no others.
+
+        Bits of other signals are zero in a frame that is sent. Raises InputError, with the place in the file, for
+        a message that is there twice, a signal of ``signals`` that shares a bit with another one of its message or
+        is there twice, and for what cantools refuses in these parts: wrong syntax, an identifier of more than
+        11 bits without bit 31, a signal that is longer than its message.
+        """
+        message, *others = self._messages[name]
+        if others:
+            raise self._wrong(
+                others[0].statement,
+                f"message {name} is there already in line {self._line(message.statement)}",
+            )
+        if _MOST_STANDARD < message.identifier < _EXTENDED:
+            extended = f"without bit 31; as an extended frame it is {message.identifier | _EXTENDED}"
+            what = f"the identifier {message.identifier} of message {name} has more than 11 bits {extended}"
+            raise self._wrong(message.statement, what)
+        used = [signal for signal in message.signals if self._name(message, signal) in signals]
+        for signal in used:
+            self._is_alone(name, message, signal)
+        text = self._reduced(message, {signal.name for signal in used})
+        try:
+            database: Any = cantools.database.load_string(text, database_format="dbc", strict=True)
+        except (cantools.Error, ValueError, KeyError) as error:
+            if found := _SYNTAX.search(str(error)):
+                line, column, near = found.groups()
+                what = f"message {name}: wrong syntax of a DBC: {' '.join(near.split())}"
+                raise InputError(f"{self._path}:{line}:{column}: {what}") from error
+            what = str(error).removeprefix('DBC: "').removesuffix('"')
+            raise self._wrong(message.statement, " ".join(what.split())) from error
+        return database.messages[0]
+
+    def _name(self, message: _Message, signal: _Signal) -> str:
+        return self._long_signals.get((message.identifier, signal.name), signal.name)
+
+    def _is_alone(self, name: str, message: _Message, signal: _Signal) -> None:
+        for other in message.signals:
+            if other.statement == signal.statement:
+                continue
+            if other.name == signal.name:
+                raise self._wrong(
+                    max(signal, other, key=lambda each: each.statement).statement,
+                    f"message {name} has signal {signal.name} twice",
+                )
+            if shared := signal.bits & other.bits:
+                place = "bit {1} of byte {0}".format(*divmod(min(shared), _BYTE))
+                what = f"signals {signal.name} and {other.name} of message {name} overlap, first in {place}"
+                raise self._wrong(signal.statement, what)
+
+    def _reduced(self, message: _Message, names: Set[str]) -> str:
+        """The text with all but ``message``, its signals ``names`` and what says more of them blanked."""
+        own = {message.statement, *(each.statement for each in message.signals if each.name in names)}
+        parts, position = [], 0
+        for number, (start, end) in enumerate(self._statements):
+            text = self._text[start:end]
+            if number not in own and not _is_about(text, message.identifier, names):
+                parts += [_blank(self._text[position:start]), _blank(text)]
+            else:
+                parts += [_blank(self._text[position:start]), text]
+            position = end
+        return "".join(parts)
+
+    def _line(self, statement: int) -> int:
+        start, end = self._statements[statement]
+        text = self._text[start:end]
+        return self._text.count("\n", 0, start + len(text) - len(text.lstrip())) + 1
+
+    def _wrong(self, statement: int, what: str) -> InputError:
+        return InputError(f"{self._path}:{self._line(statement)}:1: {what}")
+
+
+def _decoded(data: bytes) -> str:
+    """The text of a DBC: UTF-16 or UTF-8 by its mark, UTF-8, or the code page 1252 of the usual editors."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
+def _statements(text: str) -> Iterator[tuple[int, int]]:
+    """Start and end of each statement: from a keyword at the start of a line, or a ``;``, to the next."""
+    start = 0
+    for mark in _MARK.finditer(text):
+        if mark["keyword"] is not None or mark["comment"] is not None:
+            yield start, mark.start()
+            start = mark.start()
+        if mark["end"] is not None or mark["comment"] is not None:
+            yield start, mark.end()
+            start = mark.end()
+    yield start, len(text)
+
+
+def _is_about(statement: str, identifier: int, names: Set[str]) -> bool:
+    """Whether a statement other than ``BO_`` and ``SG_`` says something of these signals or of their frame."""
+    if found := _OF_SIGNAL.match(statement):
+        return int(found["id"]) == identifier and found["name"] in names
+    found = _ATTRIBUTE.match(statement)
+    if found is None or found["attribute"] not in _FRAME_ATTRIBUTES:
+        return False
+    of_this = found["id"] is None or int(found["id"]) == identifier
+    return of_this and (found["name"] is None or found["name"] in names)
+
+
+def _blank(text: str) -> str:
+    return "\n" * text.count("\n")
+
+
+def _bits(layout: str) -> Set[int]:
+    """The bits of a signal as byte · 8 + bit; empty for a layout that cannot be read."""
+    found = _LAYOUT.fullmatch(layout)
+    if found is None:
+        return frozenset()
+    start, length = int(found["start"]), int(found["length"])
+    if found["order"] == "1":
+        return frozenset(range(start, start + length))
+    first = start - start % _BYTE + _BYTE - 1 - start % _BYTE  # counted from the highest bit of each byte
+    return frozenset(k - k % _BYTE + _BYTE - 1 - k % _BYTE for k in range(first, first + length))
