@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.net.session import open_session
+from perception.net.session import session_of
 from trepid.types import Floats, Image
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _run(
     shown = onnx.ModelProto()
     shown.CopyFrom(model)
     shown.graph.output.append(onnx.helper.make_tensor_value_info(tensor, onnx.TensorProto.FLOAT, None))
-    session = open_session(shown.SerializeToString(), Path(tensor))
+    session = session_of(shown.SerializeToString())
     sizes = {one.name: one.shape[1:] for one in session.get_inputs() if one.name != IMAGE}
 
     def found(part: NDArray[np.intp]) -> Floats:

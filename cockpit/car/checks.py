@@ -158,8 +158,7 @@ def _loaded_models() -> Iterator[str]:
         perception.estimators.build(name, network=network)
         yield f"{name} starts" + (f" ({network})" if network else "")
     if any(spec.module == perception.lead.finder.NODE for spec in specs):
-        perception.lead.finder.build()
-        yield "lead starts"
+        yield f"lead starts ({perception.lead.finder.build().detector_text})"
     else:
         yield "no process detects vehicles ahead"
 

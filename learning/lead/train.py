@@ -80,7 +80,7 @@ def _loaded(paths: Iterable[Path]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _matches(network: Path, paths: Iterable[Path]) -> list[Match]:
-    runner = open_session(network.read_bytes(), network)
+    runner = open_session(network)
     found: list[Match] = []
     for path in paths:
         for strips, vehicles in zip(*_loaded([path]), strict=True):

@@ -63,7 +63,7 @@ def largest_difference(network: SteeringNetwork, path: Path, frames: Frames) -> 
         names.append("next_state")
     with torch.no_grad():
         wanted = Exported(network)(*inputs)
-    found = open_session(path.read_bytes(), path).run(names, feeds)
+    found = open_session(path).run(names, feeds)
     pairs = ((w.numpy(), f) for w, f in zip(wanted, found, strict=True))
     return max(float(np.abs(w - f).max() / max(1.0, np.abs(w).max())) for w, f in pairs)
 

@@ -4,28 +4,26 @@ The lower edge of a box is where it stands on the road; the camera geometry turn
  (Stein, Mano and Shashua, Vision-based ACC with a Single Camera, IEEE Intelligent Vehicles 2003).
 """
 
-import importlib.util
-import itertools
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from perception.lead.detection import Detection, Platt
+from perception.lead.detection import Detection, NotFinite, Platt
 from perception.lead.kinds import KINDS, VEHICLE, Box, detected_kinds, standing, with_cyclists
-from perception.net.session import open_session
+from perception.lead.runtimes import open_network
+from perception.lead.tables import Boxes, Misfit, Reading, reading_of
+from perception.net.session import first_run
 from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
 from trepid.spelling import did_you_mean
 from trepid.types import Floats, Image, OpenShare
 
-Boxes = tuple[Floats, Floats]
-"""Corners (n, 4) as left, top, right, bottom in shares of the picture, and scores (n, classes)."""
-Model = Callable[[Floats], list[Floats]]
+GREY = 128
 NMS_OVERLAP = 0.5
 WIDTH_M = (1.0, 4.0)  # of vehicles: a motorcycle to a truck at an angle
 FARTHEST_M = 120.0
@@ -50,6 +48,9 @@ class BoxSettings(Settings):
     """Section ``boxes`` of ``config/lead.yaml``."""
 
     layout: Literal["ssd", "yolo"]
+    class_count: Annotated[int, Field(ge=1)] | None = (
+        None  # of the network; None: by the file, else COCO's 80
+    )
     # kind of perception.lead.kinds -> its classes; a list is that of vehicles
     classes: Annotated[dict[str, tuple[int, ...]], BeforeValidator(_of_vehicles), AfterValidator(_are_kinds)]
     min_score: OpenShare
@@ -68,17 +69,50 @@ class BoxDetector:
     """A box detector for one camera."""
 
     def __init__(self, path: Path, settings: BoxSettings, camera: Camera) -> None:
-        """Raises InputError when the file is missing, of another kind, or its runtime is not installed."""
-        if not path.is_file():
-            raise InputError(f"{path}: no such detector")
-        readers = {".onnx": _onnx, ".tflite": _tflite}
-        if path.suffix not in readers:
-            raise InputError(f"{path}: not a detector; known: {' '.join(readers)}")
-        self._model, self._shape = readers[path.suffix](path)
+        """Raises InputError when the file is missing, of another kind, or its runtime is not installed.
+
+        The network is run once, on a grey picture: one that fails on it, or whose outputs are not those of the
+        settings, is refused with what was found.
+        """
+        self._path, self._network = path, open_network(path)
         self._settings, self._camera = settings, camera
-        self._decode = {"ssd": ssd_boxes, "yolo": yolo_boxes}[settings.layout]
         self._classes = [number for classes in settings.classes.values() for number in classes]
         self._kinds = [kind for kind, classes in settings.classes.items() for _ in classes]
+        self._reading = self._first_reading()
+        grey = np.full((camera.height_px, camera.width_px, 3), GREY, np.uint8)
+        first_run(path, lambda: self.boxes(grey), lambda found: [box.corners for box in found])
+
+    def _first_reading(self) -> Reading:
+        """How the outputs are read, from those of a grey picture. Raises InputError."""
+        names, entry = self._network.names, self._network.input
+        grey = np.full((entry.height, entry.width, 3), GREY, np.uint8)
+        outputs = first_run(self._path, lambda: self._network.run(self._pixels(grey)), tuple)
+        count = self._settings.class_count or (None if names is None else len(names))
+        try:
+            return reading_of(
+                outputs,
+                layout=self._settings.layout,
+                classes=self._classes,
+                class_count=count,
+                size=(entry.width, entry.height),
+            )
+        except Misfit as error:
+            raise InputError(f"{self._path}: {error}") from error
+
+    @property
+    def text(self) -> str:
+        """How the file is read, in one line: the form of its outputs, its picture, and its classes by name."""
+        entry, names = self._network.input, self._network.names
+        named = (
+            {}
+            if names is None
+            else {k: [names[n] for n in some] for k, some in self._settings.classes.items()}
+        )
+        classes = "; ".join(f"{kind} = {', '.join(some)}" for kind, some in named.items() if some)
+        picture = f"{entry.width} x {entry.height} {np.dtype(entry.kind).name}"
+        return (
+            f"{self._path.name}: {self._reading.text}, picture {picture}{f'; {classes}' if classes else ''}"
+        )
 
     @property
     def detects(self) -> tuple[str, ...]:
@@ -123,17 +157,15 @@ class BoxDetector:
         return tiles
 
     def _look(self, image: Image) -> Boxes:
-        channels_first = self._shape[1] == 3
-        height, width = self._shape[2:] if channels_first else self._shape[1:3]
-        shrunk = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
-        colours = np.asarray(cv2.cvtColor(shrunk, cv2.COLOR_BGR2RGB), np.float32)[None]
-        low = -1.0 if self._settings.layout == "ssd" else 0.0  # SSD takes -1..1, YOLO 0..1
-        pixels = (low + (1 - low) / 255 * colours).astype(np.float32)
-        if channels_first:
-            pixels = np.ascontiguousarray(pixels.transpose(0, 3, 1, 2))
-        corners, scores = self._decode(self._model(pixels), self._classes, (width, height))
+        corners, scores = self._reading.boxes(self._network.run(self._pixels(image)))
+        if not np.isfinite(scores).all():
+            raise NotFinite(self._path.name)
         sure = scores.max(axis=1) >= self._settings.min_score
         return corners[sure], scores[sure]
+
+    def _pixels(self, image: Image) -> NDArray[np.generic]:
+        low = -1.0 if self._settings.layout == "ssd" else 0.0  # SSD takes -1..1, YOLO 0..1
+        return self._network.input.pixels(image, low=low)
 
 
 def on_road(camera: Camera, corners: Sequence[float] | Floats, confidence: float) -> Detection | None:
@@ -154,52 +186,6 @@ def on_road(camera: Camera, corners: Sequence[float] | Floats, confidence: float
     return Detection(ahead_m, left_m, width_m, min(max(confidence, 1e-3), 1 - 1e-3))
 
 
-def ssd_boxes(outputs: list[Floats], classes: Sequence[int], size: tuple[int, int]) -> Boxes:
-    """Boxes of raw SSD outputs: encodings (1, n, 4) and class logits (1, n, c), by TensorFlow's box coder.
-
-    y = y_a + h_a·t_y/10, h = h_a·exp(t_h/5), likewise x and w; Liu et al., SSD (ECCV 2016), section 2.2.
-    """
-    encoded = next(o for o in outputs if o.shape[-1] == 4)[0]
-    logits = next(o for o in outputs if o.shape[-1] != 4)[0]
-    anchors = ssd_anchors(size[0])
-    centre = anchors[:, :2] + anchors[:, 2:] * encoded[:, :2] / 10  # y, x
-    half = anchors[:, 2:] * np.exp(encoded[:, 2:] / 5) / 2
-    corners = np.column_stack([(centre - half)[:, ::-1], (centre + half)[:, ::-1]]).astype(np.float32)
-    scores = 1 / (1 + np.exp(-logits[:, list(classes)]))
-    return corners, scores.astype(np.float32)
-
-
-@cache
-def ssd_anchors(size_px: int) -> Floats:
-    """Anchors (n, 4) as y, x, height, width: six layers, scales 0.2 to 0.95, the lowest layer with three shapes."""
-    scales = np.append(np.linspace(0.2, 0.95, 6), 1.0)
-    rows: list[tuple[float, float, float, float]] = []
-    cells = -(-size_px // 16)
-    for layer in range(6):
-        if layer == 0:
-            shapes = [(0.1, 1.0), (scales[0], 2.0), (scales[0], 0.5)]
-        else:
-            shapes = [(scales[layer], ratio) for ratio in (1.0, 2.0, 0.5, 3.0, 1 / 3)]
-            shapes.append((float(np.sqrt(scales[layer] * scales[layer + 1])), 1.0))
-        for y, x in itertools.product(range(cells), repeat=2):
-            rows += [
-                ((y + 0.5) / cells, (x + 0.5) / cells, scale / ratio**0.5, scale * ratio**0.5)
-                for scale, ratio in shapes
-            ]
-        cells = -(-cells // 2)
-    return np.array(rows, np.float32)
-
-
-def yolo_boxes(outputs: list[Floats], classes: Sequence[int], size: tuple[int, int]) -> Boxes:
-    """Boxes of one table (1, 4 + c, n) or (1, n, 4 + c): centre, width and height [px], then a score a class."""
-    table = outputs[0][0]
-    table = table.T if table.shape[0] < table.shape[1] else table
-    centre, half = table[:, :2], table[:, 2:4] / 2
-    scale = np.array([*size, *size], np.float32)
-    corners = np.column_stack([centre - half, centre + half]) / scale
-    return corners.astype(np.float32), table[:, [4 + c for c in classes]]
-
-
 def _suppressed(found: list[tuple[Floats, float]], min_score: float) -> list[int]:
     """Indices in ``found`` of the boxes that non-maximum suppression keeps."""
     if not found:
@@ -207,31 +193,3 @@ def _suppressed(found: list[tuple[Floats, float]], min_score: float) -> list[int
     boxes = [(b[0], b[1], b[2] - b[0], b[3] - b[1]) for b, _ in found]
     kept = cv2.dnn.NMSBoxes(boxes, [score for _, score in found], min_score, NMS_OVERLAP)
     return [int(i) for i in np.asarray(kept).ravel()]
-
-
-def _onnx(path: Path) -> tuple[Model, tuple[int, ...]]:
-    runner = open_session(path.read_bytes(), path)
-    entry = runner.get_inputs()[0]
-    if len(entry.shape) != 4 or not all(isinstance(side, int) for side in entry.shape[1:]):
-        raise InputError(f"{path}: takes {entry.shape}, not one image of a fixed size")
-    return lambda pixels: runner.run(None, {entry.name: pixels}), tuple(entry.shape)
-
-
-def _tflite(path: Path) -> tuple[Model, tuple[int, ...]]:
-    if importlib.util.find_spec("ai_edge_litert") is None:
-        raise InputError(f"{path}: needs the extra: pip install -e '.[tflite]'")
-    from ai_edge_litert.interpreter import Interpreter
-
-    try:
-        runner: Any = Interpreter(str(path), num_threads=1)
-    except ValueError as error:
-        raise InputError(f"{path}: not a TensorFlow Lite model") from error
-    runner.allocate_tensors()
-    entry, answers = runner.get_input_details()[0], runner.get_output_details()
-
-    def run(pixels: Floats) -> list[Floats]:
-        runner.set_tensor(entry["index"], pixels)
-        runner.invoke()
-        return [runner.get_tensor(answer["index"]) for answer in answers]
-
-    return run, tuple(int(side) for side in entry["shape"])

@@ -27,6 +27,7 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, LeadVehicle
+from trepid.speech.loudness import note
 from trepid.types import Image
 
 SAME_LEFT, SAME_AHEAD = 0.7, 4.0  # heights of a vehicle between a leader, from the bumper, and its detection
@@ -80,7 +81,10 @@ def lead_results(
 def _step(settings: LeadSettings, source: Source, camera: Camera) -> Step[Leads]:
     """A fresh finder."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    return partial(leads_in, lead_finder(settings, camera, vehicle), vehicle.scale)
+    finder = lead_finder(settings, camera, vehicle)
+    if settings.detector is not None:
+        note(f"trepid: detector {finder.detector_text}")
+    return partial(leads_in, finder, vehicle.scale)
 
 
 def leads_in(finder: LeadFinder, scale: float, frame: Frame) -> Leads:

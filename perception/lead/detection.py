@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.lead.view import CELLS_LEFT_M, DISTANCES_M, RATIO, LeadView
-from perception.net.session import WeightsRecord, load_record, open_session
+from perception.net.session import WeightsRecord, first_run, load_record, open_session
 from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
 from trepid.types import Image
@@ -62,8 +62,17 @@ class Detection(NamedTuple):
         )
 
 
+class NotFinite(Exception):
+    """A network whose outputs for an image are not finite: nothing is known of what the image shows."""
+
+
 class Detector(Protocol):
     """Vehicles and other road users in a single frame of one camera; stateless."""
+
+    @property
+    def text(self) -> str:
+        """What it is, and how its file is read, in one line."""
+        ...
 
     @property
     def detects(self) -> tuple[str, ...]:
@@ -71,7 +80,7 @@ class Detector(Protocol):
         ...
 
     def __call__(self, image: Image) -> list[Detection]:
-        """The road users in ``image``, in falling order of confidence."""
+        """The road users in ``image``, in falling order of confidence. Raises NotFinite."""
         ...
 
 
@@ -99,6 +108,7 @@ class Record(WeightsRecord):
 class StripDetector:
     """The embedded detector, of vehicles only."""
 
+    text = "embedded detector"
     detects: tuple[str, ...] = ()
 
     def __init__(self, weights: Path, camera: Camera) -> None:
@@ -106,17 +116,25 @@ class StripDetector:
         if not weights.is_file():
             raise InputError(f"{weights}: no weights of the lead detector; `trepid train-lead` makes them")
         self._record = load_record(weights, Record)
-        self._session = open_session(weights.read_bytes(), weights)
+        self._session = open_session(weights)
         self._view, self._camera = LeadView(camera), camera
+        grey = np.full((camera.height_px, camera.width_px, 3), 128, np.uint8)
+        first_run(weights, lambda: self._cells(grey), lambda cells: [cells])
 
     def __call__(self, image: Image) -> list[Detection]:
         """The vehicles in ``image``, in falling order of confidence."""
-        cells = self._session.run(None, {"strips": self._view.strips(image)})[0]
+        cells = self._cells(image)
+        if not np.isfinite(cells).all():
+            raise NotFinite(self.text)
         camera, record = self._camera, self._record
         return [
             Detection(ahead_m + camera.x_m, left_m + camera.y_m, width_m, record.calibration(probability))
             for ahead_m, left_m, width_m, probability in peaks(cells, record.min_probability)
         ]
+
+    def _cells(self, image: Image) -> Cells:
+        cells: Cells = self._session.run(None, {"strips": self._view.strips(image)})[0]
+        return cells
 
 
 def peaks(cells: Cells, min_probability: float) -> list[tuple[float, float, float, float]]:

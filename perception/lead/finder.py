@@ -10,7 +10,7 @@ import numpy as np
 from perception.lane.model.prediction import Motion
 from perception.lane.view import as_bgr, unusable
 from perception.lead.boxes import BoxDetector, BoxSettings
-from perception.lead.detection import Detection, Detector, StripDetector
+from perception.lead.detection import Detection, Detector, NotFinite, StripDetector
 from perception.lead.kinds import PERSON, ROAD_USER_KINDS, VEHICLE, detected_kinds
 from perception.lead.published import PUBLISHED, fetched
 from perception.lead.tracker import Track, Tracker, TrackSettings
@@ -127,6 +127,11 @@ class LeadFinder:
         self._ahead: Track | None = None
         self._t_s: float | None = None
 
+    @property
+    def detector_text(self) -> str:
+        """What the detector is, and how its file is read, in one line."""
+        return self._detect.text
+
     def step(
         self,
         frame: Frame,
@@ -148,14 +153,14 @@ class LeadFinder:
             gap_s = 0.0
         self._t_s = frame.t_s
         if unusable(frame.image):
-            self._restart()
-            return LeadVehicle(
-                t_s=frame.t_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=math.nan
-            )
+            return self._unknown(frame.t_s)
         image = as_bgr(frame.image)
         if image.shape[1::-1] != self._size:
             image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
-        self.detections = self._detect(image)
+        try:
+            self.detections = self._detect(image)
+        except NotFinite:
+            return self._unknown(frame.t_s)
         motion = _motion(state)
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
         own = dict(speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
@@ -166,6 +171,11 @@ class LeadFinder:
         arc_1pm = self._arc_1pm(state, motion)
         self._ahead = self._choose(Corridor(self._settings.choice, lane, arc_1pm, motion, t_s=frame.t_s))
         return self._reference.restored(self._message(frame.t_s, self._ahead, moves=motion is not None))
+
+    def _unknown(self, t_s: float) -> LeadVehicle:
+        """The message of an image that cannot be processed; all tracks end."""
+        self._restart()
+        return LeadVehicle(t_s=t_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=math.nan)
 
     def _choose(self, corridor: "Corridor") -> Track | None:
         """The nearest vehicle in the corridor; the present leader may be ``keep_m`` farther out."""

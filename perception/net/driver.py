@@ -20,11 +20,10 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, ValidationError
 
-from perception.net.session import open_session
+from perception.net.session import RUN_FAILURES, InferenceSession, line_of, open_session
 from perception.net.steer_net import ahead_sigma_m
 from trepid.car.vehicle import Vehicle
 from trepid.config import InputError, complaint
@@ -40,14 +39,6 @@ LONGEST_GAP_S = 0.5  # between frames; after a longer one a recurrent network st
 _OUTPUTS = ("road_wheel_rad", "sigma_rad", "unlike")
 _NORMAL = NormalDist()
 _Z_90 = _NORMAL.inv_cdf(0.95)  # 1.645: 90 % of normal errors lie within so many deviations
-
-_ERRORS = onnxruntime.capi.onnxruntime_pybind11_state
-_FAILURES: tuple[type[Exception], ...] = (
-    ValueError,
-    _ERRORS.Fail,
-    _ERRORS.InvalidArgument,
-    _ERRORS.RuntimeException,
-)
 Numbers = NDArray[np.float32]
 
 
@@ -97,7 +88,7 @@ class DriverNetwork:
         self.path = path
         if not path.is_file():
             raise InputError(f"{path}: no such file; `trepid train` writes driving networks")
-        self._session = open_session(path.read_bytes(), path)
+        self._session = open_session(path)
         self.record = _record(self._session, path)
         self.initial_state = self._checked_graph()
         self._names = [*_OUTPUTS, *([] if self.initial_state is None else ["next_state"])]
@@ -105,8 +96,8 @@ class DriverNetwork:
         try:
             steering = self(grey, self.initial_state)
             steering = self(grey, steering.state)  # also with the state of the first one
-        except _FAILURES as error:
-            raise self._refused(f"fails on a grey image: {_line(error)}") from error
+        except RUN_FAILURES as error:
+            raise self._refused(f"fails on a grey image: {line_of(error)}") from error
         if not steering.finite:
             raise self._refused("its outputs for a grey image are not finite, or sigma_rad is not positive")
 
@@ -228,11 +219,7 @@ class Driver:
         )
 
 
-def _line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200]
-
-
-def _record(session: onnxruntime.InferenceSession, path: Path) -> DriverRecord:
+def _record(session: InferenceSession, path: Path) -> DriverRecord:
     """The record in the metadata of the file. Raises InputError."""
     text = session.get_modelmeta().custom_metadata_map.get(KEY)
     if text is None:

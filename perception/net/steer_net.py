@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from perception.net.canonical import MIRRORED, CanonicalView, lane_of_row
-from perception.net.session import WeightsRecord, load_record, open_session
+from perception.net.session import WeightsRecord, first_run, load_record, open_session
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
@@ -139,7 +139,7 @@ class Network:
         """Raises InputError when the file is missing or is not a network."""
         if not path.is_file():
             raise InputError(f"{path}: no weights of the CNN estimator; `trepid train-lane` makes them")
-        self._session = open_session(path.read_bytes(), path)
+        self._session = open_session(path)
         numbers = {output.name: output.shape[-1] for output in self._session.get_outputs()}.get("lane")
         if numbers != len(MIRRORED):
             raise InputError(
@@ -169,6 +169,10 @@ class SteerNet:
         self._record = load_record(weights, Record)
         self._view = CanonicalView(camera, self._record.camera)
         self._shape = (camera.height_px, camera.width_px, 3)
+        grey = self._view.image(np.full(self._shape, 128, np.uint8))[None]
+        lanes = first_run(weights, lambda: self._network(grey), tuple).lanes
+        if lanes.shape != (1, len(MIRRORED)):
+            raise InputError(f"{weights}: its lane of one picture has the shape {lanes.shape}")
 
     def through(self, camera: Camera) -> "SteerNet":
         """The same network for another camera of images of the same size."""

@@ -60,7 +60,7 @@ def test_a_driving_network_is_one_line_of_the_processes_of_a_car(shuttle: Path) 
     assert networks_in(specs) == {"mine": str(shuttle / "turn.onnx")}
     check_car(specs)
     (shuttle / "turn.onnx").write_bytes(b"")
-    with pytest.raises(InputError, match=r"mycar/turn\.onnx: not an ONNX network"):
+    with pytest.raises(InputError, match=r"mycar/turn\.onnx: is empty"):
         check_car(specs)
 
 

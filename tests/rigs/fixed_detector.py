@@ -7,6 +7,8 @@ from trepid.types import Image
 class FixedDetector:
     """A detector that returns given detections."""
 
+    text = "fixed"
+
     def __init__(self, detections: list[Detection], detects: tuple[str, ...] = ()) -> None:
         self.detections, self.detects = detections, detects
         self.shape: tuple[int, ...] = ()

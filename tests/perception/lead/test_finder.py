@@ -2,13 +2,12 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from fixed_detector import FixedDetector
 
-from perception.lead.boxes import on_road, ssd_anchors, ssd_boxes, yolo_boxes
+from perception.lead.boxes import on_road
 from perception.lead.detection import Detection, Platt, peaks
 from perception.lead.finder import Corridor, LeadFinder, lead_settings, usable_lane
 from perception.lead.tracker import Odometry, Tracker
@@ -28,7 +27,7 @@ from supervisor.path.follow import judge_lead
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.wire import from_cdr, to_cdr
 
@@ -109,28 +108,6 @@ def test_the_own_bonnet_is_no_vehicle() -> None:
     assert on_road(CAMERA, (*wide, height), 0.9) is None
     truck = (0.2 * width, 0.3 * height, 0.8 * width, 0.9 * height)
     assert on_road(CAMERA, truck, 0.9) is not None
-
-
-def test_an_ssd_box_without_offsets_is_its_anchor() -> None:
-    anchors = ssd_anchors(300)
-    logits = np.full((1, len(anchors), 3), -9.0, np.float32)
-    logits[0, 7, 2] = 2.0
-    corners, scores = ssd_boxes([np.zeros((1, len(anchors), 4), np.float32), logits], [2], (300, 300))
-    y, x, height, width = anchors[7]
-    assert corners[7] == pytest.approx(
-        (x - width / 2, y - height / 2, x + width / 2, y + height / 2), abs=1e-6
-    )
-    assert int(scores.argmax()) == 7
-    assert scores[7] == pytest.approx(1 / (1 + math.exp(-2.0)))
-
-
-def test_yolo_tables_of_both_layouts_are_read() -> None:
-    table = np.zeros((1, 6, 100), np.float32)
-    table[0, :, 3] = 160, 80, 32, 16, 0.1, 0.8
-    for layout in (table, table.transpose(0, 2, 1)):
-        corners, scores = yolo_boxes([layout], [1], (320, 160))
-        assert corners[3] == pytest.approx((0.45, 0.45, 0.55, 0.55))
-        assert scores[3] == pytest.approx(0.8)
 
 
 def test_a_point_goes_to_the_odometry_frame_and_back() -> None:
@@ -291,13 +268,3 @@ def test_only_boundaries_give_the_corridor_another_width(width_m: float) -> None
     assert room_m(lane_width_m=5.0, lanes_detected=2) == pytest.approx(
         room_m() + (5.0 - VEHICLE.lane_width_m) / 2
     )
-
-
-@pytest.mark.parametrize("name", ["none.onnx", "none.txt"])
-def test_a_detector_that_is_none_is_refused(name: str, tmp_path: Path) -> None:
-    from perception.lead.boxes import BoxDetector
-
-    if name.endswith("txt"):
-        (tmp_path / name).write_text("no network")
-    with pytest.raises(InputError, match=name):
-        BoxDetector(tmp_path / name, SETTINGS.boxes, CAMERA)

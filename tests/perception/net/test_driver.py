@@ -158,7 +158,7 @@ def test_a_network_that_onnx_runtime_cannot_compute_is_refused_in_one_line(path)
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])
 def test_a_file_that_is_cut_off_is_no_network(path, share):
     data = write_network(path).read_bytes()
     path.write_bytes(data[: int(share * len(data))])
