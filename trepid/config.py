@@ -26,6 +26,7 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
 from trepid.scale import REFERENCE_LANE_M, scale_data
 from trepid.speech.loudness import detail, warn
 from trepid.spelling import did_you_mean
+from trepid.text.decoding import UndecodableText, decoded
 
 ROOT = Path(__file__).resolve().parents[1]
 """The checkout, or the folder that the packages are installed in."""
@@ -251,13 +252,21 @@ def texts(path: Path) -> tuple[str, ...]:
     return read_text(path), *([read_text(over)] if over is not None else [])
 
 
-def read_text(path: Path) -> str:
-    """The text in ``path``. Raises InputError."""
+def read_text(path: Path, *, windows: bool = False, broken_bytes: bool = False) -> str:
+    """The text in ``path`` in any of the encodings of :mod:`trepid.text.decoding`. Raises InputError.
+
+    For ``windows`` and ``broken_bytes`` see :func:`trepid.text.decoding.decoded`.
+    """
     detail(f"trepid: reads {path}")
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        data = path.read_bytes()
+    except OSError as error:
         raise InputError(f"{path}: cannot be read: {_brief(error)}") from error
+    try:
+        text = decoded(data, windows=windows, broken_bytes=broken_bytes)
+    except UndecodableText as error:
+        raise InputError(f"{path}:{error.line}:{error.column}: {error.problem}") from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _mapping(text: str, path: Path, *, may_be_empty: bool = False) -> CommentedMap:

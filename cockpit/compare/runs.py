@@ -5,7 +5,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from trepid.config import InputError
+from trepid.config import InputError, read_text
 
 MACHINE = ("realtime_factor",)  # depends on the machine, not on the drive
 Run = dict[str, Any]
@@ -16,11 +16,7 @@ def read_runs(path: Path) -> dict[Key, Run]:
     """Runs by scenario, seed and occurrence. Raises InputError with the line that is no run."""
     found: dict[Key, Run] = {}
     seen: Counter[tuple[str, int]] = Counter()
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(read_text(path).split("\n"), 1):
         if not line.strip():
             continue
         try:

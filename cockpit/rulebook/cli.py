@@ -59,7 +59,7 @@ def import_(
     ] = CONFIG_DIR / "fear.yaml",
 ) -> None:
     """Print a rule file with the rules of an FCL function block."""
-    rules = parse_fcl(read_text(file), source=file, like=load(like, RuleFile))
+    rules = parse_fcl(read_text(file, windows=True), source=file, like=load(like, RuleFile))
     yaml = YAML()
     yaml.width = 10_000  # a rule stays on its line
     yaml.indent(mapping=2, sequence=4, offset=2)

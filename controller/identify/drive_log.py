@@ -14,7 +14,6 @@ Columns of a table (of each line the first that is present is used):
     driver_override                optional; 1 while the driver steers and commands have no effect
 """
 
-import csv
 import math
 import zlib
 from collections.abc import Mapping, Sequence
@@ -28,6 +27,7 @@ import numpy as np
 
 from trepid.config import InputError
 from trepid.recording.reader import read_recording
+from trepid.tables.csv_file import Row, read_rows, refuse_rounded_times
 from trepid.topics import COMMAND, VEHICLE_STATE
 from trepid.types import Column
 
@@ -165,6 +165,8 @@ def _from_table(path: Path, renamed: Mapping[str, str]) -> DriveLog:
             at_steering_wheel |= name.startswith("steering_wheel")
         elif quantity not in OPTIONAL:
             raise InputError(f"{path}:1: no column {' or '.join(names)}; name it by --column")
+        if quantity == "t_s":
+            refuse_rounded_times(path, name or "", found["t_s"])
     missing = np.full(len(rows), math.nan)
     override = np.nan_to_num(found.get("driver_override", missing), nan=0.0)
     return log_of(
@@ -175,18 +177,12 @@ def _from_table(path: Path, renamed: Mapping[str, str]) -> DriveLog:
     )
 
 
-def _cells(path: Path) -> tuple[list[str], list[list[str]]]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            header, *rows = csv.reader(file)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    except ValueError as error:
-        raise InputError(f"{path}: is empty") from error
-    return [name.strip() for name in header], rows
+def _cells(path: Path) -> tuple[list[str], list[Row]]:
+    header, *rows = read_rows(path)
+    return [name.strip() for name in header.cells], rows
 
 
-def _column(path: Path, header: list[str], rows: list[list[str]], name: str) -> Column:
+def _column(path: Path, header: list[str], rows: list[Row], name: str) -> Column:
     """Numbers of the column ``name``; a minus before it reverses their sign."""
     sign = -1.0 if name.startswith("-") and name not in header else 1.0
     name = name if sign > 0 else name[1:]
@@ -194,7 +190,7 @@ def _column(path: Path, header: list[str], rows: list[list[str]], name: str) -> 
         raise InputError(f"{path}:1: no column {name!r}; there are {', '.join(header)}")
     at = header.index(name)
     numbers: list[Any] = []
-    for line, row in enumerate(rows, start=2):
+    for line, row in ((row.line, row.cells) for row in rows):
         cell = row[at].strip() if at < len(row) else ""
         try:
             numbers.append(float(cell) if cell else math.nan)

@@ -135,7 +135,7 @@ def build(
     with SweepProgress(total, float(total), noun="frames") as progress:
         building.build(out, logs, options, faults, lambda _: progress.step(1.0))
     faults.close()
-    _print_summary(Dataset.open(out), faults.count, as_json=as_json)
+    _print_summary(Dataset.open(out), faults.rows, as_json=as_json)
     return 1 if faults.count else 0
 
 

@@ -1,6 +1,5 @@
 """A recorded drive: frames, times, speeds and yaw rates."""
 
-import csv
 import math
 import re
 from collections.abc import Sequence
@@ -21,11 +20,13 @@ from trepid.images.files import NOMINAL_FPS
 from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
 from trepid.speech.loudness import note
+from trepid.tables.csv_file import read_rows, refuse_halved_numbers, refuse_rounded_times
 from trepid.topics import VEHICLE_STATE
 from trepid.types import Array, Image
 
 MPS_PER_MPH = 0.44704
-UDACITY_COLUMNS = 7  # center, left, right, steering, throttle, brake, speed [mph]; no header
+UDACITY_COLUMNS = 7  # center, left, right, steering, throttle, brake, speed [mph]; a header is optional
+UDACITY_STAMP = re.compile(r"_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)\.\w+$")
 LEAST_TRACKED = 0.5  # least share of the frames with a measured yaw rate
 SMOOTH_S = 0.2  # of the yaw rate
 LEAST_FRAMES = 5
@@ -155,18 +156,18 @@ def read_log(path: Path) -> tuple[Array, Array]:
     Either a CSV file with the columns ``t_s`` and ``speed_mps``, or a driving_log.csv of the Udacity
     behavioural-cloning simulator, with the times in the names of its images.
     """
-    try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    header = rows[0] if rows else []
+    rows = read_rows(path)
+    header = [name.strip() for name in rows[0].cells]
     if {"t_s", "speed_mps"} <= set(header):
         columns = header.index("t_s"), header.index("speed_mps")
-        values = [_numbers(path, n, row, columns) for n, row in enumerate(rows[1:], start=2)]
-    elif len(header) == UDACITY_COLUMNS:
-        values = [_udacity(path, n, row) for n, row in enumerate(rows, start=1)]
+        values = [_numbers(path, row.line, row.cells, columns) for row in rows[1:]]
+    elif len(header) == UDACITY_COLUMNS or UDACITY_STAMP.search(header[0]):
+        refuse_halved_numbers(path, rows, UDACITY_COLUMNS)
+        rows = rows[1:] if header[0].lower() == "center" else rows
+        values = [_udacity(path, row.line, row.cells) for row in rows]
     else:
         raise InputError(f"{path}:1:1: expected the columns t_s and speed_mps, or a Udacity driving_log.csv")
+    refuse_rounded_times(path, "t_s", np.array([t_s for t_s, _ in values]))
     for n, (before, after) in enumerate(pairwise(values), start=2):
         if after[0] <= before[0]:
             raise InputError(f"{path}: time does not rise at row {n}: {after[0]} s")
@@ -188,7 +189,7 @@ def _numbers(path: Path, line: int, row: list[str], columns: tuple[int, int]) ->
 
 def _udacity(path: Path, line: int, row: list[str]) -> tuple[float, float]:
     """center_2018_07_16_17_11_43_382.jpg,,,steering,throttle,brake,speed [mph]."""
-    stamp = re.search(r"_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)\.\w+$", row[0]) if row else None
+    stamp = UDACITY_STAMP.search(row[0].strip())
     if stamp is None or len(row) != UDACITY_COLUMNS:
         raise InputError(f"{path}:{line}:1: expected 7 columns, the first an image named by its time")
     _, _, day, hour, minute, second, milli = map(int, stamp.groups())

@@ -1,6 +1,5 @@
 """``trepid estimate --fear``: what estimators and supervisor make of every frame of footage."""
 
-import csv
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -38,6 +37,7 @@ from trepid.recording.notes import CRUISE
 from trepid.recording.notes import number as number_of
 from trepid.recording.reader import read_recording
 from trepid.speech.loudness import note
+from trepid.tables.csv_file import read_rows
 from trepid.topics import VEHICLE_STATE
 from trepid.types import Array
 
@@ -96,11 +96,12 @@ def _logged(t_s: Array, values: Array) -> Callable[[float], float]:
 
 def _yaw_rates(log: Path, count: int) -> list[float] | None:
     """The column yaw_rate_radps of ``log``, NaN where a cell is empty; None without it. Raises InputError."""
-    rows = list(csv.reader(log.read_text(encoding="utf-8-sig").splitlines()))
-    if YAW not in rows[0]:
+    rows = read_rows(log)
+    header = [name.strip() for name in rows[0].cells]
+    if YAW not in header:
         return None
-    column, found = rows[0].index(YAW), []
-    for line, row in enumerate(rows[1 : count + 1], start=2):
+    column, found = header.index(YAW), []
+    for line, row in ((row.line, row.cells) for row in rows[1 : count + 1]):
         cell = row[column].strip() if column < len(row) else ""
         try:
             found.append(float(cell) if cell else math.nan)

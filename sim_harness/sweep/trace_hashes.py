@@ -8,12 +8,14 @@ import json
 import sys
 from pathlib import Path
 
+from trepid.config import read_text
+
 Run = tuple[str, int]
 
 
 def hashes(path: Path) -> dict[Run, str]:
     """Trace hash of every run in ``path`` by scenario and seed."""
-    rows = map(json.loads, path.read_text(encoding="utf-8").splitlines())
+    rows = map(json.loads, read_text(path).splitlines())
     return {(row["scenario"], row["seed"]): row["trace_sha256"] for row in rows}
 
 

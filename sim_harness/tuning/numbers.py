@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from trepid.config import InputError
+from trepid.config import InputError, read_text
 
 _WEIGHT = re.compile(r"\bwith\s+weight\s+([0-9.eE+-]+)")
 _BEFORE_WEIGHT = re.compile(r"(\s+because\s+\w+\s*)?$")
@@ -37,10 +37,8 @@ class NumberedText:
         """Raises InputError when ``path`` is no YAML."""
         self.path = path
         try:
-            self.text = path.read_text(encoding="utf-8")
+            self.text = read_text(path)
             self._root = YAML(typ="rt").compose(self.text)
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: cannot be read: {error}") from error
         except YAMLError as error:
             raise InputError(f"{path}: not valid YAML: {str(error).splitlines()[0]}") from error
 

@@ -28,6 +28,7 @@ from sim_harness.sweep.pool import imap
 from sim_harness.sweep.sweep import in_this_process
 from sim_harness.tuning.settings import Costs
 from supervisor.rules.inference import FearRules
+from trepid.config import read_text
 from trepid.messages import Decision, Mode
 
 
@@ -74,7 +75,7 @@ class Score:
 def fearless(rules: Path, folder: Path) -> Path:
     """A copy of a rule file whose fear changes nothing, for reference drives."""
     yaml = YAML(typ="rt")
-    data = yaml.load(rules.read_text(encoding="utf-8"))
+    data = yaml.load(read_text(rules))
     for action in data["fear"].values():
         action["speed_factor"], action["mode"] = 1.0, Mode.KEEP.value
     path = folder / "fearless.yaml"

@@ -32,7 +32,7 @@ from sim_harness.tuning.score import Fearless, RunCrashed, score
 from sim_harness.tuning.settings import Costs, Span
 from supervisor.rules.inference import FearRules
 from supervisor.rules.verify import verify
-from trepid.config import InputError
+from trepid.config import InputError, read_text
 
 POLL_S = 0.2
 LOCKED_S = 60.0  # a worker waits this long for a database in use
@@ -59,7 +59,7 @@ class Task:
     def name(self) -> str:
         """Name of the study: a hash of rules, parameters, cases and costs."""
         spans = {name: [span.low, span.high] for name, span in self.parameters.items()}
-        about = [self.rules.read_text(encoding="utf-8"), spans, list(self.planned), self.costs.model_dump()]
+        about = [read_text(self.rules), spans, list(self.planned), self.costs.model_dump()]
         digest = hashlib.sha256(json.dumps(about).encode()).hexdigest()
         return f"{self.rules.stem}-{digest[:12]}"
 

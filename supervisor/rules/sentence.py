@@ -133,7 +133,7 @@ def _rule_at(index: int, file: RuleFile, path: Path) -> Rule:
         return rule
     except SentenceError as error:
         line, column = config.position(config.read(path), ("rules", index))
-        shown = path.read_text(encoding="utf-8").splitlines()[line - 1][column - 1 :]
+        shown = config.read_text(path).splitlines()[line - 1][column - 1 :]
         if sentence in shown:  # on one line, plain or quoted
             column += shown.index(sentence) + error.offset
         raise InputError(f"{path}:{line}:{column}: {error}") from error

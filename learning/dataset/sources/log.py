@@ -68,14 +68,16 @@ class Faults:
         """``strict``: the first one ends the run with its error."""
         self._strict = strict
         self.count = 0
+        self.rows = 0  # that the faults cost
 
-    def __call__(self, text: str) -> None:
-        """Report a fault. Raises InputError when strict."""
+    def __call__(self, text: str, *, rows: int = 1, remedy: str = "left out") -> None:
+        """Report a fault that costs ``rows``, and what is done about it. Raises InputError when strict."""
         if self._strict:
             raise InputError(text)
         self.count += 1
+        self.rows += rows
         if self.count <= MOST_NAMED:
-            warn(f"trepid: {text}; left out")
+            warn(f"trepid: {text}; {remedy}")
 
     def close(self) -> None:
         """Report the number of faults that were not named."""

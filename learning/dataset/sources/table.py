@@ -6,7 +6,6 @@ to the right), and any table with a header, whose columns are found by their nam
 ``--column``.
 """
 
-import csv
 import math
 import re
 from collections.abc import Mapping
@@ -20,6 +19,7 @@ import numpy as np
 from learning.dataset.sources.log import Faults, Log, Steering, number
 from trepid.config import InputError
 from trepid.spelling import did_you_mean
+from trepid.tables.csv_file import Row, read_rows, refuse_halved_numbers, refuse_rounded_times
 from trepid.types import Column
 
 MPS_PER_MPH = 0.44704
@@ -72,23 +72,14 @@ def read_table(path: Path, faults: Faults, options: TableOptions) -> Log:
     """The rows of a table; an image is sought below the folder of the table. Raises InputError."""
     if options.video is not None and not options.video.is_file():
         raise InputError(f"--video {options.video}: no such file")
-    rows = _cells(path)
-    header = [name.strip() for name in rows[0]] if rows else []
+    rows = read_rows(path)
+    header = [name.strip() for name in rows[0].cells]
+    if UDACITY_STAMP.search(header[0]):
+        refuse_halved_numbers(path, rows, len(UDACITY))
     if _is_udacity(header) and not options.renamed:
         has_header = tuple(name.lower() for name in header) == UDACITY
-        return _udacity(path, rows, faults, first=1 if has_header else 0)
+        return _udacity(path, rows[1:] if has_header else rows, faults)
     return _named(path, header, rows[1:], faults, options)
-
-
-def _cells(path: Path) -> list[list[str]]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    if not any(rows):
-        raise InputError(f"{path}: is empty")
-    return rows
 
 
 def _is_udacity(header: list[str]) -> bool:
@@ -97,9 +88,9 @@ def _is_udacity(header: list[str]) -> bool:
     return len(header) == len(UDACITY) and UDACITY_STAMP.search(header[0]) is not None
 
 
-def _udacity(path: Path, rows: list[list[str]], faults: Faults, *, first: int) -> Log:
-    found, names, where, before = [], [], [], faults.count
-    for line, row in enumerate(rows[first:], start=first + 1):
+def _udacity(path: Path, rows: list[Row], faults: Faults) -> Log:
+    found, names, where, before = [], [], [], faults.rows
+    for line, row in ((row.line, row.cells) for row in rows):
         try:
             if len(row) != len(UDACITY):
                 raise ValueError(f"expected {len(UDACITY)} columns, got {len(row)}")
@@ -112,9 +103,9 @@ def _udacity(path: Path, rows: list[list[str]], faults: Faults, *, first: int) -
         raise InputError(f"{path}: no row can be read")
     t_s, steering, speed_mps = np.array(found, dtype=np.float64).T
     log = _log("udacity", path, names, t_s, steering, Steering.LOCK, where)
-    log.speed_mps, log.unread = speed_mps, faults.count - before
+    log.speed_mps, log.unread = speed_mps, faults.rows - before
     log.lock_rad, log.lock_source = math.radians(UDACITY_LOCK_DEG), "of the Udacity simulator"
-    if any(row[1].strip() for row in rows[first:] if len(row) == len(UDACITY)):
+    if any(row.cells[1].strip() for row in rows if len(row.cells) == len(UDACITY)):
         log.notes.append("images of the centre camera; those of left and right are not used")
     return log
 
@@ -139,9 +130,7 @@ def _below(folder: Path, name: str) -> str:
     return near if (folder / near).is_file() else name if Path(name).is_file() else near
 
 
-def _named(
-    path: Path, header: list[str], rows: list[list[str]], faults: Faults, options: TableOptions
-) -> Log:
+def _named(path: Path, header: list[str], rows: list[Row], faults: Faults, options: TableOptions) -> Log:
     at, names = _chosen(path, header, options)
     if "time" in at and options.fps is not None:
         raise InputError(f"{path}:1: has times in the column {header[at['time']]!r}; leave out --fps")
@@ -149,9 +138,8 @@ def _named(
     texts: dict[str, list[str]] = {"image": [], "route": [], "where": []}
     numbers: list[list[float]] = []
     numeric = [quantity for quantity in ("frame", "time", angle, "speed", "yaw rate") if quantity in at]
-    before = faults.count
-    held = [(line, row) for line, row in enumerate(rows, start=2) if row]
-    for ordinal, (line, row) in enumerate(held):
+    before = faults.rows
+    for ordinal, (line, row) in enumerate((row.line, row.cells) for row in rows):
         try:
             if len(row) != len(header):
                 raise ValueError(f"expected {len(header)} columns, got {len(row)}")
@@ -168,6 +156,8 @@ def _named(
     if not numbers:
         raise InputError(f"{path}: no row can be read")
     columns = dict(zip(("row", *numeric), np.array(numbers, dtype=np.float64).T, strict=True))
+    if "time" in columns:
+        refuse_rounded_times(path, header[at["time"]], columns["time"], texts["route"])
     t_s = columns["time"] if "time" in columns else columns["row"] / (options.fps or math.nan)
     log = _log("table", path, texts["image"], t_s, columns[angle], Steering(angle), texts["where"])
     if any(texts["route"]):
@@ -175,7 +165,7 @@ def _named(
     _filmed(log, columns.get("frame", columns["row"]), options)
     log.speed_mps = columns.get("speed", log.speed_mps)
     log.yaw_rate_radps = columns.get("yaw rate", log.yaw_rate_radps)
-    log.unread = faults.count - before
+    log.unread = faults.rows - before
     log.left_positive = angle != "lock"
     log.notes.append("columns: " + ", ".join(f"{quantity} = {header[at[quantity]]}" for quantity in at))
     if angle == "lock":

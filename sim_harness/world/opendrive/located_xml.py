@@ -14,6 +14,7 @@ from typing import Any
 from lxml import etree
 
 from trepid.config import InputError
+from trepid.text.decoding import UndecodableText, decoded, mark_and_encoding
 
 MAX_COORDINATE = 1e9  # beyond any coordinate on Earth [m]
 _START_TAG = re.compile(
@@ -102,14 +103,19 @@ def read_xml(path: Path) -> Element:
         data = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    parser = etree.XMLParser(resolve_entities=False, no_network=True)
+    mark, encoding = mark_and_encoding(data)
+    told = bool(mark) or encoding != "utf-8" or b"\0" in data  # then the declared encoding does not count
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, encoding="utf-8" if told else None)
     try:
+        data = decoded(data).encode() if told else data
         root = etree.fromstring(data, parser)
-        text = data.decode(root.getroottree().docinfo.encoding or "utf-8")
+        text = data.decode("utf-8" if told else root.getroottree().docinfo.encoding or "utf-8")
     except etree.XMLSyntaxError as error:
         line, column = error.position
         what = parser.error_log[0].message if len(parser.error_log) else str(error)
         raise InputError(f"{path}:{line}:{max(column, 1)}: not valid XML: {what.strip()}") from error
+    except UndecodableText as error:
+        raise InputError(f"{path}:{error.line}:{error.column}: {error.problem}") from error
     except (LookupError, ValueError) as error:
         raise InputError(f"{path}:1:1: not valid XML: {error}") from error
     return Element(path, text.replace("\r\n", "\n"), root)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import cantools
 
-from trepid.config import InputError
+from trepid.config import InputError, read_text
 
 _KEYWORDS = (
     *("VERSION", "NS_", "BS_", "BU_", "BO_", "SG_", "EV_", "CM_", "VAL_", "VAL_TABLE_", "BO_TX_BU_"),
@@ -81,9 +81,9 @@ class Dbc:
     """A DBC file: what messages and signals it names, and single messages of it."""
 
     def __init__(self, path: Path) -> None:
-        """Raises OSError. A file that is no DBC has no ``messages``."""
+        """Raises InputError when the text cannot be read. A file that is no DBC has no ``messages``."""
         self._path = path
-        self._text = _decoded(path.read_bytes())
+        self._text = read_text(path, windows=True)
         self._statements = list(_statements(self._text))
         self._messages: dict[str, list[_Message]] = {}
         self._long_signals: dict[tuple[int, str], str] = {}  # message, short name -> long name
@@ -193,16 +193,6 @@ class Dbc:
 
     def _wrong(self, statement: int, what: str) -> InputError:
         return InputError(f"{self._path}:{self._line(statement)}:1: {what}")
-
-
-def _decoded(data: bytes) -> str:
-    """The text of a DBC: UTF-16 or UTF-8 by its mark, UTF-8, or the code page 1252 of the usual editors."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data.decode("utf-16", errors="replace")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("cp1252", errors="replace")
 
 
 def _statements(text: str) -> Iterator[tuple[int, int]]:

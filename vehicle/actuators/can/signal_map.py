@@ -76,10 +76,8 @@ def _database(path: Path, data: CommentedMap, settings: CanMap) -> Dbc:
     file = path.parent / settings.dbc
     try:
         dbc = Dbc(file)
-    except OSError as error:
-        raise InputError(
-            located(("dbc",), f"{file}: cannot be read: {error.strerror}", data, path)
-        ) from error
+    except InputError as error:
+        raise InputError(located(("dbc",), str(error), data, path)) from error
     if not dbc.messages:
         raise InputError(located(("dbc",), f"{file}: is no DBC: no line `BO_ <id> <name>: ...`", data, path))
     return dbc

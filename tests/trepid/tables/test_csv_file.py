@@ -1,0 +1,122 @@
+"""Tables in all dialects: one content, many ways to write it."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trepid.config import InputError
+from trepid.tables.csv_file import read_rows, refuse_halved_numbers, refuse_rounded_times
+
+HEADER = ["t_s", "image", "angle"]
+ROWS = [[f"{0.05 * n:.3f}", f"{n}.jpg", f"{math.sin(n):.4f}"] for n in range(30)]
+
+
+def cells(path: Path) -> list[list[str]]:
+    return [row.cells for row in read_rows(path)]
+
+
+def written(path: Path, separator: str, *, comma: bool = False, encoding: str = "utf-8") -> Path:
+    with path.open("w", newline="", encoding=encoding) as file:
+        writer = csv.writer(file, delimiter=separator)
+        writer.writerow(HEADER)
+        for t_s, image, angle in ROWS:
+            numbers = [t_s, angle] if not comma else [t_s.replace(".", ","), angle.replace(".", ",")]
+            writer.writerow([numbers[0], image, numbers[1]])
+    return path
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize("comma", [False, True])
+@pytest.mark.parametrize("separator", [",", ";", "\t", "|"])
+def test_a_table_reads_the_same_in_every_dialect(
+    tmp_path: Path, separator: str, comma: bool, encoding: str
+) -> None:
+    assert cells(written(tmp_path / "a.csv", separator, comma=comma, encoding=encoding)) == [HEADER, *ROWS]
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=20), st.sampled_from([";", "\t", "|"]))
+def test_decimal_commas_change_no_number(tmp_path_factory, values: list[float], separator: str) -> None:
+    path = tmp_path_factory.mktemp("t") / "a.csv"
+    lines = [f"{n:.4f}{separator}{value:.4f}" for n, value in enumerate(values)]
+    path.write_text("\n".join([f"n{separator}v", *(line.replace(".", ",") for line in lines)]))
+    assert [float(row[1]) for row in cells(path)[1:]] == [float(f"{value:.4f}") for value in values]
+
+
+def test_a_first_line_can_state_the_separator_and_lines_stay_counted(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("sep=;\nt_s;note\n0,5;a, b and c\n\n1,5;\n")
+    rows = read_rows(path)
+    assert [(row.line, row.cells) for row in rows] == [
+        (2, ["t_s", "note"]),
+        (3, ["0.5", "a, b and c"]),
+        (5, ["1.5", ""]),
+    ]
+
+
+def test_rows_with_a_separator_at_their_end_have_no_further_cell(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\n1,2,\n3,4,\n,,\n")
+    assert cells(path) == [["a", "b"], ["1", "2"], ["3", "4"]]
+
+
+@pytest.mark.parametrize("amounts", [["1,234", "5,678"], ["1.234,5", "2.000,0"]])
+def test_a_comma_that_may_divide_thousands_stays_as_it_is(tmp_path: Path, amounts: list[str]) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(["v;w", *(f"{amount};1" for amount in amounts)]))
+    assert [row[0] for row in cells(path)[1:]] == amounts
+
+
+def test_a_column_with_points_keeps_its_commas_beside_one_with_decimal_commas(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("v;w\n0,5;1.5\n0,25;2,5\n")
+    assert cells(path)[1:] == [["0.5", "1.5"], ["0.25", "2,5"]]
+
+
+def test_decimal_commas_between_commas_are_refused_by_their_name(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t_s,image,angle\n" + "".join(f"0,{n},{n}.jpg,-0,{n}\n" for n in range(10, 20)))
+    with pytest.raises(
+        InputError, match=r"a\.csv:2: 5 cells in 3 columns: decimal commas; save the table with"
+    ):
+        read_rows(path)
+
+
+def test_the_columns_of_a_table_without_header_may_be_known_otherwise(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("".join(f"{n}.jpg, 0,{n}, 1\n" for n in range(10, 20)))
+    rows = read_rows(path)
+    with pytest.raises(InputError, match="4 cells in 3 columns: decimal commas"):
+        refuse_halved_numbers(path, rows, 3)
+
+
+def test_one_row_with_too_many_cells_condemns_no_table(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\n1,2\n3,4\n5,6,7\n")
+    assert cells(path)[-1] == ["5", "6", "7"]
+
+
+def test_times_that_a_spreadsheet_has_rounded_are_refused_by_their_column() -> None:
+    stamps = np.array([float(f"{1.767225600e18 + 5e7 * n:.5E}") for n in range(600)])
+    with pytest.raises(InputError, match="timestamp_ns: 600 rows have 1 time: rounded"):
+        refuse_rounded_times(Path("a.csv"), "timestamp_ns", stamps)
+    refuse_rounded_times(Path("a.csv"), "timestamp_ns", 1.767225600e18 + 5e7 * np.arange(600))
+
+
+def test_routes_may_have_the_same_times() -> None:
+    t_s, routes = np.tile(np.arange(10.0), 4), [f"{n // 10}" for n in range(40)]
+    refuse_rounded_times(Path("a.csv"), "t_s", t_s, routes)
+    with pytest.raises(InputError, match="40 rows have 10 times"):
+        refuse_rounded_times(Path("a.csv"), "t_s", t_s)
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", ",,\n,,\n"])
+def test_an_empty_table_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match="is empty"):
+        read_rows(path)

@@ -1,0 +1,56 @@
+"""Bytes of text files to text: marks, encodings without marks, and what is refused by its name."""
+
+import codecs
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trepid.text.decoding import UndecodableText, decoded, is_broken
+
+TEXT = 'VERSION "1.0"\nBreite: 0,32 m – größer\n'
+MARKED = {
+    "utf-8": codecs.BOM_UTF8,
+    "utf-16-le": codecs.BOM_UTF16_LE,
+    "utf-16-be": codecs.BOM_UTF16_BE,
+    "utf-32-le": codecs.BOM_UTF32_LE,
+    "utf-32-be": codecs.BOM_UTF32_BE,
+}
+
+
+@pytest.mark.parametrize("encoding", MARKED)
+def test_a_byte_order_mark_decides_and_is_no_part_of_the_text(encoding: str) -> None:
+    assert decoded(MARKED[encoding] + TEXT.encode(encoding)) == TEXT
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "utf-16-be"])
+def test_text_without_a_mark_is_told_by_its_zero_bytes(encoding: str) -> None:
+    assert decoded(TEXT.encode(encoding)) == TEXT
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0\ufeff")))
+def test_any_text_in_utf_8_is_read_as_it_was_written(text: str) -> None:
+    assert decoded(text.encode()) == text
+
+
+def test_the_code_page_of_windows_is_read_where_a_format_allows_it() -> None:
+    data = TEXT.encode("cp1252")
+    assert decoded(data, windows=True) == TEXT
+    with pytest.raises(UndecodableText, match="byte 0x96 is no UTF-8; save it as UTF-8") as refused:
+        decoded(data)
+    assert (refused.value.line, refused.value.column) == (2, 16)
+
+
+def test_utf_8_is_never_taken_for_the_code_page_of_windows() -> None:
+    assert decoded(TEXT.encode(), windows=True) == TEXT
+
+
+def test_broken_bytes_cost_only_their_line() -> None:
+    lines = decoded(b"first\nsec\xff\xfend\nthird\n", broken_bytes=True).split("\n")
+    assert [is_broken(line) for line in lines] == [False, True, False, False]
+    assert (lines[0], lines[2]) == ("first", "third")
+
+
+def test_a_file_of_zero_bytes_is_called_so() -> None:
+    with pytest.raises(UndecodableText, match="only zero bytes, as after a loss of power"):
+        decoded(bytes(512))

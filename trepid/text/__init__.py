@@ -1,0 +1,1 @@
+"""Text as the tools of all systems write it."""

@@ -1,0 +1,79 @@
+"""Bytes of a text file to text: the one decision about its encoding, for every format that Trepid reads.
+
+A byte order mark decides and is no part of the text. Without one, text is UTF-8, or UTF-16 where every other byte
+of its beginning is zero: names, numbers and signs of all formats are ASCII. Formats whose tools write in the code
+page of Windows may be read as Windows-1252 where they are not UTF-8; this decides about comments and names only.
+"""
+
+import codecs
+
+_MARKS = (  # UTF-32 first: its mark begins with that of UTF-16
+    (codecs.BOM_UTF32_LE, "utf-32-le"),
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+_BEGINNING = 4096  # bytes that tell UTF-16 without a mark
+_ASCII_SHARE = 0.8  # of its characters there
+
+
+class UndecodableText(ValueError):
+    """Bytes that are no text: ``line`` and ``column``, from 1, of the first wrong one, and ``problem``."""
+
+    def __init__(self, line: int, column: int, problem: str) -> None:
+        super().__init__(problem)
+        self.line, self.column, self.problem = line, column, problem
+
+
+def decoded(data: bytes, *, windows: bool = False, broken_bytes: bool = False) -> str:
+    """The text in ``data``, without its byte order mark. Raises UndecodableText.
+
+    ``windows``: what is not UTF-8 is Windows-1252. ``broken_bytes``: bytes that are no UTF-8 become lone
+    surrogates, which no text holds, so that only their lines are lost (:func:`is_broken`).
+    """
+    if data and not data.strip(b"\0"):
+        raise UndecodableText(1, 1, "holds only zero bytes, as after a loss of power")
+    mark, encoding = mark_and_encoding(data)
+    body = data[len(mark) :]
+    errors = "surrogateescape" if broken_bytes and encoding == "utf-8" else "strict"
+    try:
+        return body.decode(encoding, errors)
+    except UnicodeDecodeError as error:
+        if windows and not mark and encoding == "utf-8":
+            return body.decode("cp1252", errors="replace")  # a few bytes have no meaning there
+        raise _undecodable(body, error, encoding) from error
+
+
+def mark_and_encoding(data: bytes) -> tuple[bytes, str]:
+    """The byte order mark of ``data``, empty without one, and the encoding that mark or zero bytes tell."""
+    unmarked = b"", _unmarked_encoding(data)
+    return next((found for found in _MARKS if data.startswith(found[0])), unmarked)
+
+
+def is_broken(line: str) -> bool:
+    """Whether ``line`` holds bytes that are no UTF-8 (``broken_bytes`` of :func:`decoded`)."""
+    try:
+        line.encode()
+    except UnicodeEncodeError:
+        return True
+    return False
+
+
+def _unmarked_encoding(data: bytes) -> str:
+    """UTF-16 by the zero bytes of its ASCII characters, else UTF-8."""
+    beginning = data[:_BEGINNING]
+    characters = len(beginning) // 2
+    if not characters or b"\0" not in beginning:
+        return "utf-8"
+    high, low = beginning[1 : 2 * characters : 2].count(0), beginning[0 : 2 * characters : 2].count(0)
+    if high >= _ASCII_SHARE * characters and not low:
+        return "utf-16-le"
+    return "utf-16-be" if low >= _ASCII_SHARE * characters and not high else "utf-8"
+
+
+def _undecodable(data: bytes, error: UnicodeDecodeError, encoding: str) -> UndecodableText:
+    before = data[: error.start].decode(encoding, errors="replace")
+    line, column = before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1
+    bad = f"byte 0x{data[error.start]:02x} is no {encoding.upper()}; save it as UTF-8"
+    return UndecodableText(line, column, bad)
