@@ -1,9 +1,8 @@
 """Tubs of donkeycar, versions 1 and 2.
 
-Version 2 (donkeycar 4 and later): ``manifest.json`` with five lines of JSON (names of the inputs, their types, user
-metadata, metadata, catalogs and deleted records), and catalogs of one record a line. Version 1: one
-``record_<n>.json`` a frame, with ``meta.json`` beside them. In both ``user/angle`` is the share of full steering,
--1 to 1, positive to the right.
+Version 2 (donkeycar 4 and later): ``manifest.json`` (see :mod:`learning.dataset.sources.tub_manifest`), and
+catalogs of one record a line. Version 1: one ``record_<n>.json`` a frame, with ``meta.json`` beside them. In both
+``user/angle`` is the share of full steering, -1 to 1, positive to the right.
 """
 
 import json
@@ -17,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from learning.dataset.sources.log import Faults, Log, Steering, number
-from trepid.config import InputError
-from trepid.images.files import natural_order
+from learning.dataset.sources.tub_manifest import MANIFEST, catalogs_in, read_manifest
+from trepid.config import InputError, read_text
+from trepid.images.files import IMAGE_SUFFIXES, natural_order
+from trepid.text.decoding import is_broken
 
-MANIFEST = "manifest.json"
 IMAGES = "images"
 NUMBERED = re.compile(r"record_\d+\.json")
 IMAGE_KEY, ANGLE, MODE = "cam/image_array", "user/angle", "user/mode"
@@ -34,72 +34,89 @@ Record = tuple[str, int, dict[str, Any]]  # where it stands, its number, its fie
 
 
 def is_tub(path: Path) -> bool:
-    """Whether ``path`` is the folder of a tub of either version."""
+    """Whether ``path`` is the folder of a tub of either version, also without its manifest."""
     return path.is_dir() and (
-        (path / MANIFEST).is_file() or any(NUMBERED.fullmatch(file.name) for file in path.iterdir())
+        (path / MANIFEST).is_file() or bool(catalogs_in(path)) or bool(_numbered_records(path))
     )
 
 
 def read_tub(path: Path, faults: Faults) -> Log:
     """The frames of a tub, by their numbers. Raises InputError when it cannot be read at all."""
-    return _version_2(path, faults) if (path / MANIFEST).is_file() else _version_1(path, faults)
+    if catalogs_in(path) or not _numbered_records(path):
+        return _version_2(path, faults)
+    return _version_1(path, faults)
+
+
+def _numbered_records(path: Path) -> list[Path]:
+    """The records of version 1, by their numbers."""
+    return natural_order(file for file in path.glob("record_*.json") if NUMBERED.fullmatch(file.name))
 
 
 def _version_2(path: Path, faults: Faults) -> Log:
-    inputs, types, catalogs, deleted = _manifest(path / MANIFEST)
-    images = [name for name, kind in zip(inputs, types, strict=True) if kind == "image_array"]
-    if not images:
+    manifest, held = read_manifest(path / MANIFEST), catalogs_in(path)
+    if not manifest.catalogs and not held:
+        first = manifest.faults[0][0] if manifest.faults else f"{path / MANIFEST}:5: no catalog"
+        raise InputError(f"{first}, and there is no catalog_<n>.catalog beside it")
+    if manifest.images == []:
         raise InputError(f"{path / MANIFEST}:2: no input of type image_array")
-    before = faults.count
+    before = faults.rows
+    for fault, remedy in manifest.faults:
+        faults(fault, rows=0, remedy=remedy)
+    listed = held if manifest.catalogs is None else manifest.catalogs
+    unlisted = [name for name in held if name not in listed]
+    for name in unlisted:
+        faults(f"{path / name}: is not in the manifest", rows=0, remedy="read")
+    catalogs = [file.name for file in natural_order(map(Path, {*listed, *held}))] if unlisted else listed
     records = list(_catalogued(path, catalogs, faults))
-    log = _log("tub2", path, path / IMAGES, records, images[0], faults, deleted)
-    log.files = (path / MANIFEST, *(path / name for name in catalogs if (path / name).is_file()))
-    log.unread = faults.count - before
+    if manifest.records is not None:
+        _count_lost(f"{path / MANIFEST}:5", manifest.records, records, faults.rows - before, faults)
+    images = manifest.images or _image_inputs(records)
+    log = _log("tub2", path, path / IMAGES, records, images[0], faults, manifest.deleted or set())
+    log.files = tuple(
+        file for file in (path / MANIFEST, *(path / name for name in catalogs)) if file.is_file()
+    )
+    log.unread = faults.rows - before
+    if manifest.deleted is None:
+        log.notes.append("the manifest is damaged: which records were deleted is not known")
     if len(images) > 1:
         log.notes.append(f"images of {images[0]}; not used: {', '.join(images[1:])}")
     return log
 
 
-def _manifest(path: Path) -> tuple[list[str], list[str], list[str], set[int]]:
-    """Inputs, their types, names of the catalogs, numbers of deleted records. Raises InputError."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    other = f"{path}: not the manifest of a donkeycar tub of version 2"
-    if len(lines) < 5:
-        raise InputError(f"{other}: {len(lines)} lines, expected 5; version 1 has record_<n>.json files")
-    parts = []
-    for line, text in enumerate(lines[:5], start=1):
-        try:
-            parts.append(json.loads(text))
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"{path}:{line}: not JSON: {error}") from error
-    inputs, types, _, _, catalogs = parts
-    if not (_all(inputs, str) and _all(types, str) and len(inputs) == len(types)):
-        raise InputError(other)
-    if not (isinstance(catalogs, dict) and _all(catalogs.get("paths"), str)):
-        raise InputError(f"{path}:5: no names of catalogs in paths")
-    deleted = catalogs.get("deleted_indexes") or []
-    if not _all(deleted, int):
-        raise InputError(f"{path}:5: deleted_indexes: expected numbers of records, got {deleted!r}")
-    return inputs, types, catalogs["paths"], set(deleted)
+def _count_lost(where: str, written: int, records: list[Record], unread: int, faults: Faults) -> None:
+    """Report the records below ``written``, the number of the next one, that no catalog holds."""
+    numbers = [number for _, number, _ in records]
+    lost = written - len({number for number in numbers if 0 <= number < written}) - numbers.count(-1) - unread
+    if lost > 0:
+        faults(
+            f"{where}: current_index is {written}, and {lost} records are in no catalog",
+            rows=lost,
+            remedy="lost",
+        )
 
 
-def _all(values: object, kind: type) -> bool:
-    """Whether ``values`` is a list of ``kind``."""
-    return isinstance(values, list) and all(isinstance(value, kind) for value in values)
+def _image_inputs(records: list[Record]) -> list[str]:
+    """The fields of the first record that name an image, else that of donkeycar."""
+    fields = records[0][2].items() if records else ()
+    named = [
+        name
+        for name, value in fields
+        if isinstance(value, str) and Path(value).suffix.lower() in IMAGE_SUFFIXES
+    ]
+    return named or [IMAGE_KEY]
 
 
 def _catalogued(path: Path, catalogs: list[str], faults: Faults) -> Iterator[Record]:
     """The records of all catalogs; ``faults`` gets lines that are none, and catalogs that are missing."""
     for name in catalogs:
         try:
-            lines = (path / name).read_bytes().splitlines()
-        except OSError as error:
-            faults(f"{path / name}: cannot be read: {error.strerror or error}")
+            lines = read_text(path / name, broken_bytes=True).split("\n")
+        except InputError as error:
+            faults(str(error), rows=0)
             continue
         for line, text in enumerate(lines, start=1):
+            if not text and line == len(lines):
+                continue  # after the end of the last line
             record = _json(text, f"{path / name}:{line}", faults)
             if record is None:
                 continue
@@ -111,24 +128,27 @@ def _catalogued(path: Path, catalogs: list[str], faults: Faults) -> Iterator[Rec
 
 
 def _version_1(path: Path, faults: Faults) -> Log:
-    files = natural_order(file for file in path.glob("record_*.json") if NUMBERED.fullmatch(file.name))
-    before, records = faults.count, []
+    files = _numbered_records(path)
+    before, records = faults.rows, []
     for file in files:
         try:
-            text = file.read_bytes()
-        except OSError as error:
-            faults(f"{file}: cannot be read: {error.strerror or error}")
+            text = read_text(file)
+        except InputError as error:
+            faults(str(error))
             continue
         record = _json(text, str(file), faults)
         if record is not None:
             records.append((str(file), int(file.stem.removeprefix("record_")), record))
     log = _log("tub1", path, path, records, IMAGE_KEY, faults, set())
     log.files = tuple(files)
-    log.unread = faults.count - before
+    log.unread = faults.rows - before
     return log
 
 
-def _json(text: bytes, where: str, faults: Faults) -> dict[str, Any] | None:
+def _json(text: str, where: str, faults: Faults) -> dict[str, Any] | None:
+    if is_broken(text):
+        faults(f"{where}: not a record: bytes that are no UTF-8")
+        return None
     try:
         record = json.loads(text)
     except (ValueError, RecursionError) as error:
