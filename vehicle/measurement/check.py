@@ -140,8 +140,11 @@ class MeasurementCheck:
         moves_mps = speed_mps if speed_holds else self._speed.expected_mps
         moves_mps = None if moves_mps is None else abs(moves_mps)
         wheel_holds = WHEEL in computed or self._wheel.step(
-            wheel_rad, yaw_radps, moves_mps, driver=driver, now_s=now_s
+            wheel_rad, yaw_radps, moves_mps, dt_s, driver=driver, now_s=now_s
         )
-        turns_rad = wheel_rad if wheel_holds else None if driver else self._wheel.commanded_rad
-        yaw_holds = YAW in computed or self._yaw.step(yaw_radps, turns_rad, moves_mps, dt_s, now_s=now_s)
+        commanded_rad = None if driver else self._wheel.commanded_rad
+        turns_rad = wheel_rad if wheel_holds else commanded_rad
+        yaw_holds = YAW in computed or self._yaw.step(
+            yaw_radps, turns_rad, moves_mps, dt_s, commanded_rad=commanded_rad, now_s=now_s
+        )
         return {SPEED: speed_holds, WHEEL: wheel_holds, YAW: yaw_holds}

@@ -73,6 +73,16 @@ class StandsSettings(Settings):
     yaw_rate_radps: Positive
 
 
+class SlopeSettings(Settings):
+    """``slope``: small movements of the steering over several seconds."""
+
+    span_s: Positive
+    filter_s: Positive
+    moved_rad: Positive
+    sigmas: Positive
+    most: Positive
+
+
 class MeasurementSettings(Settings):
     """``config/measurement.yaml``."""
 
@@ -81,6 +91,7 @@ class MeasurementSettings(Settings):
     speed: SpeedSettings
     wheel_angle: WheelSettings
     yaw_rate: YawSettings
+    slope: SlopeSettings
     stands: StandsSettings
 
 

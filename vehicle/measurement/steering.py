@@ -9,17 +9,34 @@ as in the detection of a driver (:mod:`controller.limiter.override`). Of wheel a
 each other the one is wrong that the commands contradict, too. A wheel away from the commands with which the yaw
 rate agrees stands there: a driver or a fault of the steering moves it, and it is no wrong measurement. Under a
 driver the wheel angle is compared with its own past only, and the yaw rate with the wheel angle.
+
+Small movements are compared with the commands over several seconds (:mod:`vehicle.measurement.slope`): the wheel
+neither moves against them nor far more than they, and the car does not turn against them. Wind and ruts that turn
+the car do not make it seem so, although the controller steers against them: it steers by heading and place, the
+integrals of the yaw rate. With ψ' = g·(δ + d) under a disturbance d and δ = -exp(-sT)·(K + K_y·v/s)·ψ after the
+delay T of the loop, the slope of ψ'/g over δ at the frequency ω is
+
+    ω²·(K_y·v·cos ωT + K·ω·sin ωT)/(g·(K_y²·v² + K²·ω²)) > 0 for ωT < π/2.
+
+It has no upper bound, so that a yaw rate that is too large is left to the other comparisons.
 """
 
 import math
 
 from trepid.car.vehicle import Vehicle
 from vehicle.measurement.doubt import Doubt, Standing, Window
-from vehicle.measurement.settings import MeasurementSettings
+from vehicle.measurement.settings import MeasurementSettings, SlopeSettings
+from vehicle.measurement.slope import Slope
 
 TIME_CONSTANTS = 4.0
 LONGEST_S = 0.2  # a longer gap between two values allows any step
 BEGIN_S = 1.0  # of motion, until the mean difference is known
+
+
+def build_slope(vehicle: Vehicle, settings: SlopeSettings) -> Slope:
+    """The comparison of small movements of the steering of ``vehicle``."""
+    filter_s = max(vehicle.steering_delay_s + vehicle.steering_lag_s, settings.filter_s)
+    return Slope(settings, filter_s=filter_s)
 
 
 class Bicycle:
@@ -53,6 +70,7 @@ class WheelCheck:
         late_s = vehicle.steering_delay_s + TIME_CONSTANTS * vehicle.steering_lag_s
         self._commands = Window(self._limits.lateness * late_s)
         self._follow_s = vehicle.steering_delay_s + vehicle.steering_lag_s
+        self._slope, self._slopes = build_slope(vehicle, settings.slope), settings.slope
         self._bicycle = Bicycle(vehicle)
         self._noise_radps = settings.yaw_rate.noise_radps
         self.doubt = Doubt(settings.doubt)
@@ -76,6 +94,7 @@ class WheelCheck:
         angle_rad: float | None,
         yaw_rate_radps: float | None,
         speed_mps: float | None,
+        dt_s: float,
         *,
         driver: bool,
         now_s: float,
@@ -83,6 +102,7 @@ class WheelCheck:
         """Whether ``angle_rad`` holds; ``speed_mps`` is the expected speed, ``yaw_rate_radps`` as measured."""
         if angle_rad is None:
             self._last = self._explained_s = None
+            self._slope.clear()
             self.doubt.step("", now_s=now_s)
             return False
         reason = self._step_reason(angle_rad, now_s)
@@ -94,8 +114,10 @@ class WheelCheck:
                     f"stands at {angle_rad:.4f} rad while the commands change it by {changed_rad:.4f} rad"
                 )
             reason = reason or self._command_reason(angle_rad, yaw_rate_radps, speed_mps, now_s)
+            reason = reason or self._slope_reason(angle_rad, yaw_rate_radps, speed_mps, dt_s)
         else:
             self._explained_s = now_s
+            self._slope.clear()
         doubted = self.doubt.step(reason, now_s=now_s)
         if not doubted:
             self._last = now_s, angle_rad
@@ -134,6 +156,28 @@ class WheelCheck:
             return ""
         return f"{angle_rad:.3f} rad is {beyond_rad:.3f} rad from all commands, and the car turns by the commands"
 
+    def _slope_reason(
+        self, angle_rad: float, yaw_rate_radps: float | None, speed_mps: float, dt_s: float
+    ) -> str:
+        """A wheel that moves against the commands, or far more than they, where the yaw rate follows them.
+
+        Values of a standing car change nothing.
+        """
+        slope = self._slope
+        if yaw_rate_radps is None:
+            slope.clear()
+            return ""
+        assert self.commanded_rad is not None
+        if speed_mps > self._moving_mps:
+            turned_rad = self._bicycle.wheel_rad(yaw_rate_radps, speed_mps)
+            slope.step(self.commanded_rad, angle_rad, turned_rad, dt_s)
+        least, most = slope.interval or (0.0, 0.0)
+        if least <= self._slopes.most and most >= 0.0:
+            return ""
+        return (
+            f"moves {least:.1f} to {most:.1f} times as far as the commands, and the car turns by the commands"
+        )
+
 
 class YawCheck:
     """Call ``step`` with every state."""
@@ -144,6 +188,7 @@ class YawCheck:
         self.doubt = Doubt(settings.doubt)
         self._standing = Standing(settings.stands, settings.stands.yaw_rate_radps)
         self._wheels = Window(self._limits.lag_s)
+        self._slope, self._slopes = build_slope(vehicle, settings.slope), settings.slope
         self._usual_radps: float | None = None  # measured less computed, of the last filter_s
         # Wheel angle by the yaw rate less the measured one: its mean, and the time of motion of that mean.
         self._offset_rad = self._moved_s = 0.0
@@ -155,13 +200,18 @@ class YawCheck:
         speed_mps: float | None,
         dt_s: float,
         *,
+        commanded_rad: float | None,
         now_s: float,
     ) -> bool:
-        """Whether ``yaw_rate_radps`` holds; wheel angle and speed: the trusted ones, or those by the commands."""
+        """Whether ``yaw_rate_radps`` holds; wheel angle and speed: the trusted ones, or those by the commands.
+
+        ``commanded_rad`` is the wheel angle by the commands; None under a driver.
+        """
         if wheel_rad is not None:
             self._wheels.add(wheel_rad, now_s=now_s)
         if yaw_rate_radps is None:
             self._usual_radps = None
+            self._slope.clear()
             self.doubt.step("", now_s=now_s)
             return False
         if wheel_rad is None or speed_mps is None:
@@ -179,6 +229,7 @@ class YawCheck:
             )
         reason = reason or self._level_reason(yaw_rate_radps, speed_mps, dt_s, moving=moving)
         reason = reason or self._step_reason(yaw_rate_radps, turned_radps, speed_mps)
+        reason = reason or self._slope_reason(yaw_rate_radps, wheel_rad, commanded_rad, speed_mps, dt_s)
         doubted = self.doubt.step(reason, now_s=now_s)
         if self._usual_radps is None or (not moving and not doubted):
             self._usual_radps = off_radps
@@ -237,3 +288,25 @@ class YawCheck:
         if abs(change_radps) <= allowed_radps:
             return ""
         return f"{yaw_rate_radps:.3f} rad/s, and wheels and speed turn the car by {turned_radps:.3f} rad/s"
+
+    def _slope_reason(
+        self,
+        yaw_rate_radps: float,
+        wheel_rad: float,
+        commanded_rad: float | None,
+        speed_mps: float,
+        dt_s: float,
+    ) -> str:
+        """A car that seems to turn against the commands while the wheel follows them.
+
+        Values of a standing car change nothing.
+        """
+        slope = self._slope
+        if commanded_rad is None:
+            slope.clear()
+            return ""
+        if speed_mps > self._moving_mps:
+            turned_rad = self._bicycle.wheel_rad(yaw_rate_radps, speed_mps)
+            slope.step(commanded_rad, turned_rad, wheel_rad, dt_s)
+        least, most = slope.interval or (0.0, 0.0)
+        return f"turns {least:.1f} to {most:.1f} times as far as the wheel" if most < 0.0 else ""

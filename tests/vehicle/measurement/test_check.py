@@ -3,10 +3,12 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sim_harness.lockstep.vehicle import load_simulator
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
 from trepid.car.vehicle import Vehicle
@@ -161,6 +163,61 @@ def test_a_wrong_sensor_is_named_within_a_second_and_says_nothing_more(name):
     late = [one.state for now_s, one in judged if now_s >= 4.0]
     assert all(names <= set(one.doubted) for one in late)
     assert all(getattr(one, field) is None for one in late for field in names)
+
+
+SMALL_RAD, SLOW_HZ = 0.0015, 0.6  # lane keeping on a straight road
+SMALL = {
+    "wheel: sign": (lambda s, _: replace(s, road_wheel_angle_rad=-s.road_wheel_angle_rad), WHEEL),
+    "yaw rate: sign": (lambda s, _: replace(s, yaw_rate_radps=-s.yaw_rate_radps), YAW),
+    "swapped": (
+        lambda s, _: replace(s, yaw_rate_radps=s.road_wheel_angle_rad, road_wheel_angle_rad=s.yaw_rate_radps),
+        WHEEL,
+    ),
+}
+
+
+def noisy(wrong=lambda s, _: s, seed=0):
+    """``wrong`` behind sensors with the noise of the simulated car."""
+    noise, generator = load_simulator(), np.random.default_rng(seed)
+
+    def measured(state, first):
+        angle, rate = generator.standard_normal(2)
+        seen = replace(
+            state,
+            road_wheel_angle_rad=state.road_wheel_angle_rad + noise.road_wheel_angle_noise_rad * angle,
+            yaw_rate_radps=state.yaw_rate_radps + noise.yaw_rate_noise_radps * rate,
+        )
+        return wrong(seen, first)
+
+    return measured
+
+
+@pytest.mark.parametrize("speed_mps", [5.0, 15.0])
+@pytest.mark.parametrize("name", SMALL)
+def test_a_wrong_sign_or_a_swapped_sensor_is_named_from_small_movements(name, speed_mps):
+    wrong, field = SMALL[name]
+    judged = driven(
+        lambda t_s: SMALL_RAD * math.sin(2 * math.pi * SLOW_HZ * t_s),
+        wrong=noisy(wrong),
+        from_s=0.0,
+        duration_s=8.0,
+        speed_mps=speed_mps,
+    )
+    assert field in judged[-1][1].state.doubted
+    only = {WHEEL, YAW} if name == "swapped" else {field}
+    assert doubted(judged) <= only
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("amplitude_rad", [0.0, 0.0003, 0.003])
+def test_small_movements_behind_noise_leave_a_true_car_believed(amplitude_rad, seed):
+    judged = driven(
+        lambda t_s: amplitude_rad * math.sin(2 * math.pi * (0.3 + 0.3 * seed) * t_s),
+        wrong=noisy(seed=seed),
+        from_s=0.0,
+        duration_s=10.0,
+    )
+    assert doubted(judged) == set()
 
 
 def test_a_single_wrong_value_takes_nothing_but_itself():
