@@ -43,8 +43,8 @@ class SimulatedSensors:
         self._faulty = Sensors(faults)
         self._check: MeasurementCheck | None = build_check(vehicle) if checked else None
         self._carry: Carry | None = None
-        self.watch: Callable[[VehicleState, VehicleState], None] | None = None
-        """Called with every state before and after the faults."""
+        self.watch: Callable[[VehicleState, float], None] | None = None
+        """Called with every true state, before noise and faults, and the time of the run."""
         self.doubts: tuple[str, ...] = ()
         """Quantities of the newest state that do not hold, and why."""
 
@@ -70,10 +70,9 @@ class SimulatedSensors:
             road_wheel_angle_rad=true.road_wheel_angle_rad + settings.road_wheel_angle_noise_rad * angle,
             yaw_rate_radps=true.yaw_rate_radps + settings.yaw_rate_noise_radps * rate,
         )
-        faulty = self._faulty.step(noisy, elapsed_s=elapsed_s)
         if self.watch is not None:
-            self.watch(noisy, faulty)
-        return faulty
+            self.watch(true, elapsed_s)
+        return self._faulty.step(noisy, elapsed_s=elapsed_s)
 
     def held(
         self, state: VehicleState, applied: Command | None, *, driver: bool, now_s: float
