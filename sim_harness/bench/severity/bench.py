@@ -49,7 +49,7 @@ def bench_severity(
 def _tasks(grades: Iterable[int], road: str, speed_mps: float, seed: int) -> Iterator[Task]:
     """The drives on one road; those that share their images follow each other."""
     yield Task(NOTHING, 0, road, speed_mps, seed)
-    names = sorted(STRESSES, key=lambda name: not STRESSES[name].behind_perception)
+    names = sorted(STRESSES, key=lambda name: not STRESSES[name].behind_camera)
     yield from (Task(name, grade, road, speed_mps, seed) for name in names for grade in grades if grade)
 
 

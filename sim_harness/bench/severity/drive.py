@@ -180,15 +180,13 @@ def parts_of(task: Task, scenario: Scenario) -> tuple[Parts, Oracle]:
     eye = load(CONFIG_DIR / "camera.yaml", Camera)
     renderer = Renderer(road, eye, seed=task.seed, disturbances=scenario.disturbances)
     parts = replace(parts, vehicle=vehicle, camera=SimulatedCamera(scenario, renderer))
-    if stress_of(task.stress).behind_perception:
-        memory = _memory(task.road, task.speed_mps, task.seed)
+    stress, memory = stress_of(task.stress), _memory(task.road, task.speed_mps, task.seed)
+    if stress.behind_camera:
         pictures: Any = Pictures(renderer, memory["images"])
-        parts = replace(
-            parts,
-            camera=SimulatedCamera(scenario, pictures),
-            estimators={name: Remembered(e, memory[name]) for name, e in parts.estimators.items()},
-            lead=None,  # no vehicle is ahead
-        )
+        parts = replace(parts, camera=SimulatedCamera(scenario, pictures))
+    if stress.behind_perception:
+        estimators = {name: Remembered(e, memory[name]) for name, e in parts.estimators.items()}
+        parts = replace(parts, estimators=estimators, lead=None)  # no vehicle is ahead
     return parts, Oracle("truth", road, car)
 
 

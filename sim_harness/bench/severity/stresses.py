@@ -12,6 +12,7 @@ from sim_harness.scenarios.faults import (
     LostLane,
     LostProcess,
 )
+from sim_harness.scenarios.measurements import Quantity, WrongMeasurement
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from trepid.causes import Cause
 
@@ -27,7 +28,8 @@ class Stress(NamedTuple):
     changes: Callable[[int, float], Mapping[str, Any]]  # of the scenario, by grade and station of the run [m]
     state_delay_s: float = 0.0  # age of the vehicle state, for each grade
     yaw_bias_radps: float = 0.0  # added to the yaw rate that the vehicle reports, for each grade
-    behind_perception: bool = False  # images and what perception makes of them are those of grade 0
+    behind_camera: bool = True  # the images are those of grade 0
+    behind_perception: bool = False  # and so is what perception makes of them
 
 
 SIGHT = frozenset({Cause.LOW_CONFIDENCE, Cause.UNCONFIRMED, Cause.NO_ROAD})
@@ -42,7 +44,8 @@ def _disturbed(kind: DisturbanceKind, *causes: Cause, hard: bool = False) -> Str
         to_m = station_m if kind is DisturbanceKind.TUNNEL_EXIT else None
         return {"disturbances": [Disturbance(kind=kind, grade=grade, to_m=to_m)]}
 
-    return Stress(frozenset(causes) | (HARD_ROAD if hard else frozenset()), changes)
+    named = frozenset(causes) | (HARD_ROAD if hard else frozenset())
+    return Stress(named, changes, behind_camera=False)
 
 
 def _faulty(faults: Callable[[int], list[Fault]], *causes: Cause, behind: bool = False) -> Stress:
@@ -88,6 +91,22 @@ def _blind(*estimators: str) -> Callable[[int], list[Fault]]:
     return lambda grade: [
         fault for e in estimators for fault in _spans(LostLane, grade / 5, kind="lost_lane", estimator=e)
     ]
+
+
+def _mismeasured(quantity: Quantity, each_grade: float) -> Stress:
+    """A measurement of the car that is off by ``each_grade`` [SI] from the start of the run on."""
+    return _faulty(
+        lambda grade: [
+            WrongMeasurement(
+                kind="wrong_measurement",
+                from_s=0.0,
+                quantity=quantity,
+                form="offset",
+                by=grade * each_grade,
+            )
+        ],
+        Cause.DOUBTED_STATE,
+    )
 
 
 def _nothing(grade: int, station_m: float) -> Mapping[str, Any]:
@@ -145,6 +164,9 @@ STRESSES: dict[str, Stress] = {
         lambda *_: {},
         yaw_bias_radps=0.1,
     ),
+    "wrong speed": _mismeasured("speed", 1.0),
+    "wrong wheel angle": _mismeasured("wheel_angle", 0.02),
+    "wrong yaw rate": _mismeasured("yaw_rate", 0.05),
 }
 """Name -> the stress. The names of the world's disturbances are those of :class:`DisturbanceKind`."""
 NOTHING = "nothing"

@@ -23,14 +23,13 @@ def row(stress: str, grade: int, mean: float, **causes: int) -> Row:
     return {**task._asdict(), "mean": mean, "worst": mean, "frames": 40, "causes": causes}
 
 
-def test_every_disturbance_of_the_world_and_fault_of_camera_processes_and_estimators_is_a_stress() -> None:
-    """Faults of the car's sensors have a table of their own."""
+def test_every_disturbance_and_every_kind_of_fault_of_the_world_is_a_stress() -> None:
     assert set(DisturbanceKind) <= set(STRESSES)
     union = typing.get_args(typing.get_args(faults.Fault)[0])
     used = {
         type(fault) for stress in STRESSES.values() for fault in stress.changes(3, 50.0).get("faults", ())
     }
-    assert used == {fault for fault in union if fault.__module__ == faults.__name__}
+    assert used == set(union)
 
 
 @pytest.mark.parametrize("name", STRESSES)
@@ -73,6 +72,13 @@ def test_the_summary_counts_falls_and_wrong_causes(tmp_path: Path) -> None:
     assert found[DETAILS]["fog, straight, 8 m/s"] == {"grade 0": 0.0, "grade 1": 0.3, "grade 2": 0.1}
     draw(found, tmp_path / "heat.png")
     assert cv2.imread(str(tmp_path / "heat.png")) is not None
+
+
+@pytest.mark.parametrize("name", ["wrong speed", "wrong wheel angle", "wrong yaw rate"])
+def test_a_measurement_that_is_off_by_more_is_feared_more_and_named(name: str) -> None:
+    calm, worst = (driven_row(Task(name, grade, "straight", 12.0, 1)) for grade in (1, 5))
+    assert worst["mean"] >= max(calm["mean"], 0.5)
+    assert set(worst["causes"]) == {"doubted_state"}
 
 
 def test_a_car_on_rails_fears_lost_lanes_and_nothing_else() -> None:
