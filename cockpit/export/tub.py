@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from cockpit.export.frames import DrivenFrame
-from trepid.types import Image
+from trepid.images.files import is_upright_jpeg
 
 INPUTS = {
     "cam/image_array": "image_array",
@@ -27,7 +27,7 @@ INPUTS = {
     "enc/speed": "float",  # [m/s]
 }
 MAX_RECORDS = 1000  # of a catalog
-QUALITY = 95  # of images that were recorded raw
+QUALITY = 95  # of images that were recorded raw, or turned by EXIF
 
 
 def write_tub(frames: Iterable[DrivenFrame], out: Path, *, lock_rad: float) -> int:
@@ -36,7 +36,7 @@ def write_tub(frames: Iterable[DrivenFrame], out: Path, *, lock_rad: float) -> i
     records: list[dict[str, Any]] = []
     for number, frame in enumerate(frames):
         name = f"{number}_cam_image_array_.jpg"
-        (out / "images" / name).write_bytes(frame.jpeg or _jpeg(frame.image))
+        (out / "images" / name).write_bytes(_upright(frame))
         records.append(_record(number, name, frame, lock_rad))
     top_mps = max((abs(record["enc/speed"]) for record in records if "enc/speed" in record), default=0.0)
     for record in records:
@@ -58,8 +58,11 @@ def _record(number: int, image: str, frame: DrivenFrame, lock_rad: float) -> dic
     return record | ({"enc/speed": frame.speed_mps} if math.isfinite(frame.speed_mps) else {})
 
 
-def _jpeg(image: Image) -> bytes:
-    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
+def _upright(frame: DrivenFrame) -> bytes:
+    """The JPEG of a frame: as it was recorded, unless its EXIF turns the pixels, which donkeycar ignores."""
+    if frame.jpeg is not None and is_upright_jpeg(frame.jpeg):
+        return frame.jpeg
+    return cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
 
 
 def _write_catalogs(out: Path, records: list[dict[str, Any]]) -> None:

@@ -15,6 +15,8 @@ VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
 NOMINAL_FPS = 25.0  # for videos without a frame rate
 _MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
 """A marker of a JPEG; within a scan, data and restart marks are none."""
+_JPEG = b"\xff\xd8\xff"
+_EXIF_WITHIN = 1 << 18  # bytes: several segments of 64 kB may stand before EXIF
 _DIGITS = re.compile(r"([0-9]+)")
 
 
@@ -65,9 +67,19 @@ def decoded_image(data: bytes) -> Image | None:
     return None if image is None else image.astype(np.uint8, copy=False)
 
 
+def is_upright_jpeg(data: bytes) -> bool:
+    """Whether ``data`` is a JPEG whose pixels are upright as they are stored: EXIF does not turn or mirror them."""
+    if not data.startswith(_JPEG):
+        return False
+    if b"Exif\0" not in data[:_EXIF_WITHIN]:
+        return True
+    stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    return stored is not None and np.array_equal(stored, decoded_image(data))
+
+
 def _is_complete(data: bytes) -> bool:
     """False for a JPEG or PNG without its end mark: decoders fill the missing rest with grey."""
-    if data.startswith(b"\xff\xd8\xff"):
+    if data.startswith(_JPEG):
         return _has_end(data)
     if data.startswith(b"\x89PNG\r\n\x1a\n"):
         return b"IEND" in data

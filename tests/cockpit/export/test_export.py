@@ -18,6 +18,7 @@ from cockpit.export.drive import STALE_S, Drive
 from cockpit.export.frames import DrivenFrame, rate_of
 from cockpit.export.table import Table, table, times
 from cockpit.export.tub import write_tub
+from learning.dataset.sources.log import Faults
 from learning.dataset.sources.tub import BY_PILOT, is_tub, read_tub
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.car.vehicle import Vehicle
@@ -229,10 +230,9 @@ def test_a_tub_is_read_back_with_right_as_positive_and_the_share_of_the_lock(
     path = written(tmp_path / "d.mcap", states, at_s)
     code, out, _ = export(path, tmp_path / "tub", "--json")
     assert code == 0 and {"rows": 3, "left_out": 1}.items() <= json.loads(out).items()
-    faults: list[str] = []
     assert is_tub(tmp_path / "tub")
-    log = read_tub(tmp_path / "tub", Faulty(faults))
-    assert not faults and not log.left_positive
+    log = read_tub(tmp_path / "tub", Faults(strict=True))
+    assert not log.left_positive
     assert log.steering == pytest.approx([-0.5, 0.25, 1.0])
     assert log.t_s == pytest.approx(at_s[:3]) and log.speed_mps == pytest.approx([2.0, 2.0, 2.0])
     assert log.why == ["", "", BY_PILOT]
@@ -259,20 +259,6 @@ def test_a_lerobot_data_set_of_a_drive_without_a_scenario_has_a_task(tmp_path: P
     assert export(path, tmp_path / "set", "--to", "lerobot")[0] == 0
     tasks = pyarrow.parquet.read_table(tmp_path / "set" / "meta" / "tasks.parquet").to_pylist()
     assert [row["task"] for row in tasks] == ["drive"]
-
-
-class Faulty:
-    """Collects the faults of a reader."""
-
-    def __init__(self, found: list[str]) -> None:
-        self._found = found
-
-    @property
-    def count(self) -> int:
-        return len(self._found)
-
-    def __call__(self, text: str) -> None:
-        self._found.append(text)
 
 
 def test_the_catalogs_of_a_tub_have_the_lengths_by_which_donkeycar_finds_a_record(

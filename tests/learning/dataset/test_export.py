@@ -3,10 +3,12 @@
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pyarrow.parquet
 import pytest
 from drive_rig import made_dataset, run, write_tub
+from image_file_rig import turned_jpeg
 
 from learning.dataset.dataset import Dataset, sha256_of, write
 
@@ -77,3 +79,22 @@ def test_a_tub_of_times_without_a_date_is_refused_with_the_time(
     assert run("dataset", "export", str(tmp_path / "set"), str(tmp_path / "tub"), "--as", "tub") == 2
     assert "e+18 s has no date: check its unit" in capsys.readouterr().err
     assert not (tmp_path / "tub").exists()
+
+
+@pytest.mark.parametrize("orientation", [1, 2, 3, 6])
+def test_the_images_of_a_tub_are_upright_for_readers_that_ignore_exif(
+    tmp_path: Path, orientation: int
+) -> None:
+    tub = write_tub(tmp_path / "tub", 12)
+    for image in (tub / "images").iterdir():
+        image.write_bytes(turned_jpeg(image.read_bytes(), orientation))
+    data = made_dataset(tmp_path / "set", tub, options=("--lock-deg", "20", "--shares", "1,0,0"))
+    assert run("dataset", "export", str(data.folder), str(tmp_path / "out"), "--as", "tub") == 0
+    for number, row in enumerate(data.rows()):
+        copy = tmp_path / "out" / "images" / f"{number}_cam_image_array_.jpg"
+        stored = cv2.imread(str(copy), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        shown = data.image(row)
+        assert stored is not None and stored.shape == shown.shape
+        assert np.abs(stored.astype(int) - shown).mean() < 2.0
+        original = tub / "images" / str(row["image"])
+        assert (copy.read_bytes() == original.read_bytes()) == (orientation == 1)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trepid.config import InputError
-from trepid.images.files import natural_order, read_image
+from trepid.images.files import is_upright_jpeg, natural_order, read_image
 
 
 def ordered(*names: str) -> list[str]:
@@ -90,3 +90,20 @@ def test_an_image_of_too_many_pixels_is_refused_in_one_line(tmp_path: Path) -> N
     path.write_bytes(rig.png_of_size(60000, 60000))
     with pytest.raises(InputError, match=r"huge\.png: not an image that can be decoded$"):
         read_image(path)
+
+
+@pytest.mark.parametrize("big_endian", [False, True])
+@pytest.mark.parametrize("orientation", range(10))
+def test_a_jpeg_is_upright_as_stored_where_its_exif_turns_nothing(orientation: int, big_endian: bool) -> None:
+    turned = rig.turned_jpeg(coded(".jpg"), orientation, big_endian=big_endian)
+    assert is_upright_jpeg(turned) == (orientation not in range(2, 9))
+
+
+@pytest.mark.parametrize("kind", JPEGS)
+def test_a_jpeg_without_orientation_is_upright(kind: str) -> None:
+    assert is_upright_jpeg(JPEGS[kind])
+
+
+@pytest.mark.parametrize("data", [b"", coded(".png")], ids=["empty", "PNG"])
+def test_other_files_are_no_upright_jpeg(data: bytes) -> None:
+    assert not is_upright_jpeg(data)
