@@ -7,6 +7,7 @@ from pathlib import Path
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
+from mcap.summary import Summary
 
 from trepid.clock import seconds
 from trepid.config import InputError
@@ -24,7 +25,7 @@ def types_of(path: Path) -> dict[str, str]:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (McapError, ValueError, EOFError, struct.error):
         summary = None  # cut short: the summary is at the end
-    if summary is not None and summary.channels:
+    if summary is not None and _is_complete(summary):
         schemas, channels = summary.schemas, list(summary.channels.values())
     else:
         for record in records(path, lambda _: False):
@@ -37,6 +38,15 @@ def types_of(path: Path) -> dict[str, str]:
         for channel in channels
         if channel.schema_id in schemas and channel.message_encoding == "cdr"
     }
+
+
+def _is_complete(summary: Summary) -> bool:
+    """Whether the summary repeats every channel and its schema; writers may leave either out."""
+    counted = summary.statistics.channel_count if summary.statistics else 0
+    return len(summary.channels) >= max(counted, 1) and all(
+        channel.schema_id == 0 or channel.schema_id in summary.schemas
+        for channel in summary.channels.values()
+    )
 
 
 def messages_of(path: Path, topic: str) -> Iterator[tuple[float, bytes]]:

@@ -106,15 +106,26 @@ def _of_chunk(file: IO[bytes], length: int, ids: dict[int, bool], wanted: Wanted
     if ids.get(_only_channel(file), True):
         file.seek(begin)
         chunk = _read(Opcode.CHUNK, file.read(length))
-        stream, total = get_chunk_data_stream(chunk, validate_crc=True)
-        chunk.data = b""
+        data, chunk.data = _unpacked(chunk), b""
         yield chunk
-        yield from _in_chunk(stream.read(total), ids, wanted)
+        yield from _in_chunk(data, ids, wanted)
     else:
         file.seek(begin)
         first_ns, last_ns = TIMES.unpack(file.read(TIMES.size))
         yield Chunk("", b"", last_ns, first_ns, 0, 0)
     file.seek(begin + length)
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """The records of a chunk, which zstd may hold in several frames. Raises one of _BROKEN."""
+    if chunk.compression != "zstd":
+        stream, total = get_chunk_data_stream(chunk, validate_crc=True)
+        return stream.read(total)
+    with zstandard.ZstdDecompressor().stream_reader(chunk.data, read_across_frames=True) as packed:
+        data = packed.read(chunk.uncompressed_size)
+    if len(data) < chunk.uncompressed_size or chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+        raise ValueError("a chunk is corrupted")
+    return data
 
 
 def _only_channel(file: IO[bytes]) -> int:

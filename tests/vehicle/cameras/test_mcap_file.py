@@ -6,16 +6,20 @@ from pathlib import Path
 import cv2
 import foreign_ros_rig as foreign
 import pytest
+import zstandard
 from camera_source_rig import SIZE, ManualClock, drive, number_of, picture
+from mcap.writer import Writer
 
 from trepid.config import InputError
 from trepid.messages import CompressedFrame
+from trepid.recording.foreign import types_of
 from trepid.recording.writer import Recording
 from trepid.topics import CAMERA_COMPRESSED
 from trepid.wire import to_cdr
 from vehicle.cameras.mcap_file import McapFile, McapSettings
 
 SECOND = 10**9
+TEXT = "std_msgs/msg/String"
 BEGIN_NS = 1_700_000_000 * SECOND
 
 
@@ -129,3 +133,44 @@ def test_another_file_is_refused_in_one_line_with_its_name(kind: str, tmp_path: 
     with pytest.raises(InputError) as problem:
         frames_of(path)
     assert str(path) in str(problem.value) and "\n" not in str(problem.value)
+
+
+def written(path: Path, **options: bool) -> Path:
+    """A file of the reference writer: four images, behind a topic of text."""
+    ros_type, messages = images(4)
+    with path.open("wb") as file:
+        writer = Writer(file, **options)
+        writer.start(profile="ros2", library="another")
+        said = writer.register_channel(
+            "/said", "cdr", writer.register_schema(TEXT, "ros2msg", b"string data")
+        )
+        writer.add_message(said, BEGIN_NS, b"", BEGIN_NS)
+        front = writer.register_channel("/front", "cdr", writer.register_schema(ros_type, "ros2msg", b""))
+        for at, data in messages:
+            writer.add_message(front, at, data, at)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("option", ["", "use_statistics", "use_chunking"])
+@pytest.mark.parametrize("channels", [True, False])
+@pytest.mark.parametrize("schemas", [True, False])
+def test_a_summary_that_repeats_no_schemas_or_channels_hides_no_image(
+    tmp_path: Path, schemas: bool, channels: bool, option: str
+) -> None:
+    without = {option: False} if option else {}
+    path = written(tmp_path / "a.mcap", repeat_schemas=schemas, repeat_channels=channels, **without)
+    assert types_of(path) == {"/said": TEXT, "/front": "sensor_msgs/msg/Image"}
+    assert frames_of(path) == EXPECTED
+
+
+def test_a_chunk_that_was_packed_in_several_frames_is_read_to_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def in_two_frames(data: bytes) -> bytes:
+        half = len(data) // 2
+        return pack(data[:half]) + pack(data[half:])
+
+    pack = zstandard.compress
+    monkeypatch.setattr("mcap.writer.zstandard.compress", in_two_frames)
+    assert frames_of(written(tmp_path / "a.mcap")) == EXPECTED
