@@ -3,10 +3,9 @@
 from collections.abc import Generator
 from pathlib import Path
 
-import cv2
-
 from trepid.config import InputError
 from trepid.images.files import VIDEO_SUFFIXES, read_image
+from trepid.images.video import video_frames
 from trepid.types import Image
 from vehicle.cameras.mcap_file import mcap_shots
 from vehicle.cameras.playback import Shot
@@ -63,16 +62,5 @@ def _recorded(path: Path, topic: str) -> Generator[Shot, None, None]:
 
 
 def _filmed(path: Path) -> Generator[Shot, None, None]:
-    capture = cv2.VideoCapture(str(path))
-
-    def decoded() -> Image:
-        good, image = capture.retrieve()
-        if not good:
-            raise InputError(f"{path}: a frame cannot be decoded")
-        return image.astype("uint8", copy=False)
-
-    try:
-        while capture.grab():
-            yield Shot(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3, decoded)
-    finally:
-        capture.release()
+    for frame in video_frames(path):
+        yield Shot(frame.t_s, frame.decode)

@@ -10,6 +10,7 @@ from perception.camera.height import Step
 from perception.images.sources import Clip, Source, Still, sources
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS, decoded_image
+from trepid.images.video import count_frames
 from trepid.messages import CompressedFrame
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
@@ -30,14 +31,16 @@ def steps_of(path: Path, *, speed_mps: float | None = None) -> list[Step]:
         return _recorded(path, speed_mps)
     found = sources(path)
     first = found[0]
-    count, fps = (first.frames, first.fps) if isinstance(first, Clip) else (len(found), NOMINAL_FPS)
-    count = min(count, MAX_FRAMES)
+    count = min(count_frames(path) if isinstance(first, Clip) else len(found), MAX_FRAMES)
     wanted = _spread(count)
-    images = _frames(found, {number for at in wanted for number in (at, at + 1)}, count)
-    way_m = None if speed_mps is None else speed_mps / fps
+    images, t_s = _frames(found, {number for at in wanted for number in (at, at + 1)}, count)
     if len({image.shape for image in images.values()}) > 1:
         raise InputError(f"{path}: frames of different sizes")
-    return [Step(images[at], images.get(at + 1), way_m) for at in wanted if at in images]
+
+    def way_m(at: int) -> float | None:
+        return None if speed_mps is None or at + 1 not in t_s else speed_mps * (t_s[at + 1] - t_s[at])
+
+    return [Step(images[at], images.get(at + 1), way_m(at)) for at in wanted if at in images]
 
 
 def _spread(count: int) -> list[int]:
@@ -45,13 +48,17 @@ def _spread(count: int) -> list[int]:
     return sorted(set(np.linspace(0, max(count - 2, 0), min(MAX_STEPS, count)).astype(int).tolist()))
 
 
-def _frames(found: Sequence[Source], wanted: set[int], count: int) -> dict[int, Image]:
-    """The frames with the indices ``wanted``."""
+def _frames(
+    found: Sequence[Source], wanted: set[int], count: int
+) -> tuple[dict[int, Image], dict[int, float]]:
+    """The frames with the indices ``wanted``, and their times [s]."""
     first = found[0]
     if isinstance(first, Clip):
-        return {number: image for number, image in enumerate(first.read()) if number in wanted}
+        shots = {shot.number: shot for shot in first.shots() if shot.number in wanted}
+        return {at: shot.image for at, shot in shots.items()}, {at: shot.t_s for at, shot in shots.items()}
     stills = [one for one in found if isinstance(one, Still)]
-    return {number: stills[number].read() for number in sorted(wanted) if number < count}
+    images = {number: stills[number].read() for number in sorted(wanted) if number < count}
+    return images, {number: number / NOMINAL_FPS for number in images}
 
 
 def _recorded(path: Path, given_mps: float | None) -> list[Step]:

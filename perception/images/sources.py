@@ -8,18 +8,17 @@ from itertools import islice
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
-import cv2
 import numpy as np
 
 from trepid.config import InputError
 from trepid.images.files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
+from trepid.images.video import loss_of, spread_images, video_frames, video_rate_hz
 from trepid.recording.car import recorded_car
 from trepid.recording.images import RecordedImages, decoded, recorded_images
 from trepid.recording.reader import Recorded, read_head
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
 from trepid.types import Image
 
-INDEXED_SUFFIXES = frozenset({".mp4", ".m4v", ".mov", ".avi"})
 RECORDING_SUFFIX = ".mcap"
 FILM_SUFFIXES = VIDEO_SUFFIXES | {RECORDING_SUFFIX}
 """Files that hold many frames."""
@@ -126,52 +125,25 @@ class Clip:
     """A video, whose frames are tracked."""
 
     path: Path
-    frames: int
-    fps: float
+    fps: float  # on average
 
     def read(self) -> Iterator[Image]:
-        """Its frames. Raises InputError when it ends before the announced number of frames."""
-        capture = cv2.VideoCapture(str(self.path))
-        decoded = 0
-        try:
-            while (read := capture.read())[0]:
-                decoded += 1
-                yield read[1].astype(np.uint8, copy=False)
-        finally:
-            capture.release()
-        if decoded < self.frames - self._unsure_frames:
-            raise InputError(
-                f"{self.path}: video is truncated: {decoded} of {self.frames} frames can be read"
-            )
+        """Its frames. Raises InputError as :meth:`shots`."""
+        return (shot.image for shot in self.shots())
 
     def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
-        """Its frames with their times. Raises InputError as :meth:`read`."""
-        for number, image in enumerate(self.read()):
-            yield Shot(self.path, number, number / self.fps, image)
-
-    @property
-    def _unsure_frames(self) -> int:
-        """Tolerance of the announced number of frames: exact with an index, an estimate from the duration else."""
-        return 1 if self.path.suffix.lower() in INDEXED_SUFFIXES else 2 + self.frames // 50
+        """Its frames by their stamps. Raises InputError after the last one when the file is cut short."""
+        count = 0
+        for frame in video_frames(self.path):
+            count += 1
+            yield Shot(self.path, frame.number, frame.t_s, frame.decode())
+        loss = loss_of(self.path)
+        if loss:
+            raise InputError(f"{self.path}: video is truncated: {count} frames can be read; {loss}")
 
     def sample(self, count: int) -> list[Image]:
         """Up to ``count`` frames spread over the clip, for calibration. Raises InputError when none is read."""
-        wanted = set(np.linspace(0, self.frames - 1, count).astype(int).tolist())
-        images: list[Image] = []
-        capture = cv2.VideoCapture(str(self.path))
-        try:
-            for number in range(max(wanted) + 1):
-                if not capture.grab():
-                    break
-                if number in wanted:
-                    good, image = capture.retrieve()
-                    if good:
-                        images.append(image.astype(np.uint8, copy=False))
-        finally:
-            capture.release()
-        if not images:
-            raise InputError(f"{self.path}: no frame of this video can be read")
-        return images
+        return spread_images(self.path, count)
 
 
 Source = Still | Stills | Clip | Footage
@@ -198,7 +170,7 @@ def sources(path: Path, *, drive_fps: float | None = None) -> list[Source]:
         raise InputError(f"{path}: no such file or folder")
     suffix = path.suffix.lower()
     if suffix in VIDEO_SUFFIXES:
-        return [_clip(path)]
+        return [Clip(path, video_rate_hz(path))]
     if suffix in IMAGE_SUFFIXES:
         return [Still(path)]
     if suffix == RECORDING_SUFFIX:
@@ -221,18 +193,6 @@ def _usual_fps(images: RecordedImages) -> float:
     steps_s = np.diff(stamps_s)
     steps_s = steps_s[steps_s > 0]
     return float(1 / np.median(steps_s)) if len(steps_s) else NOMINAL_FPS
-
-
-def _clip(path: Path) -> Clip:
-    capture = cv2.VideoCapture(str(path))
-    try:
-        frames = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
-        fps = float(capture.get(cv2.CAP_PROP_FPS)) if frames else 0.0
-    finally:
-        capture.release()
-    if frames <= 0:
-        raise InputError(f"{path}: cannot be read as a video; it may be truncated")
-    return Clip(path=path, frames=frames, fps=fps if 0 < fps < 1000 else NOMINAL_FPS)
 
 
 def _image(path: Path, refused: Refused) -> Image | None:

@@ -93,7 +93,7 @@ def test_annotated_frames_go_to_a_picture_a_video_or_a_folder(folder, clip, tmp_
     assert cv2.imread(str(tmp_path / "one.png")).shape[1] == 640
     estimate([clip], as_json=True, annotate=tmp_path / "seen.mp4")
     (video,) = sources(tmp_path / "seen.mp4")
-    assert isinstance(video, Clip) and video.frames == 12
+    assert isinstance(video, Clip) and len(list(video.read())) == 12
     estimate([folder / "a.jpg", folder / "b.png", clip], as_json=True, annotate=tmp_path / "all")
     assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["a.png", "b.png", "clip.mp4"]
 

@@ -74,7 +74,8 @@ def is_upright_jpeg(data: bytes) -> bool:
     if b"Exif\0" not in data[:_EXIF_WITHIN]:
         return True
     stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    return stored is not None and np.array_equal(stored, decoded_image(data))
+    shown = decoded_image(data)
+    return stored is not None and shown is not None and np.array_equal(stored, shown)
 
 
 def _is_complete(data: bytes) -> bool:

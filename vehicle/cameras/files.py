@@ -1,15 +1,15 @@
 """Recorded frames in files: videos and folders of images."""
 
-import math
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS, images_in, read_image
+from trepid.images.video import loss_of, video_frames
+from trepid.speech.loudness import warn
 from trepid.types import Positive
 from vehicle.cameras.playback import Playback, PlaybackSettings, Shot, recording_path
 from vehicle.cameras.source import Drive
@@ -31,10 +31,10 @@ class VideoFile(Playback):
         if not path.is_file():
             raise InputError(f"{path}: no such file; set path")
         begin = partial(video_shots, path)
-        try:
-            super().__init__(begin, now_s=drive.now_s, pace=settings.pace, loop=settings.loop)
-        except InputError as error:
-            raise InputError(f"{path}: cannot be read as a video; it may be truncated") from error
+        super().__init__(begin, now_s=drive.now_s, pace=settings.pace, loop=settings.loop)
+        loss = loss_of(path)
+        if loss:
+            warn(f"trepid: {path}: video is truncated: {loss}; played as far as it can be read")
 
 
 class ImageFolder(Playback):
@@ -53,19 +53,6 @@ class ImageFolder(Playback):
 
 
 def video_shots(path: Path) -> Iterator[Shot]:
-    """The frames of a video with their times [s].
-
-    A time that does not follow the one before it is replaced by one period later.
-    """
-    capture = cv2.VideoCapture(str(path))
-    try:
-        fps = capture.get(cv2.CAP_PROP_FPS)
-        period_s = 1 / (fps if 0 < fps < 1000 else NOMINAL_FPS)
-        t_s = -math.inf
-        while (read := capture.read())[0]:
-            own_s = 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC)
-            later = math.isfinite(own_s) and own_s > t_s
-            t_s = own_s if later else t_s + period_s
-            yield Shot(t_s, partial(np.asarray, read[1], np.uint8))
-    finally:
-        capture.release()
+    """The frames of a video by their stamps. Raises InputError when none can be decoded."""
+    for frame in video_frames(path):
+        yield Shot(frame.t_s, partial(np.asarray, frame.decode(), np.uint8))

@@ -4,6 +4,7 @@ import csv
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.files import read_image
+from trepid.images.video import count_frames
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Image
 
@@ -94,10 +96,9 @@ def video(path: Path, *, every: int = 1) -> Iterator[Picture]:
     if not isinstance(clip, Clip):
         raise InputError(f"{path}: not a video")
     camera = self_calibrated(clip.sample(CALIBRATION_FRAMES), lane_cv_settings().self_calibration)
-    for number, image in enumerate(clip.read()):
-        if number < clip.frames // every:
-            file = f"{path.name}#{number}"
-            yield Picture(str(path), number / clip.fps, image, camera, file=file, assumed=True)
+    for shot in islice(clip.shots(), count_frames(path) // every):
+        file = f"{path.name}#{shot.number}"
+        yield Picture(str(path), shot.t_s, shot.image, camera, file=file, assumed=True)
 
 
 @dataclass(frozen=True)

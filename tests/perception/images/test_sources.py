@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from video_rig import matroska
 
 from perception.images.sources import Still, settings_of, sources
 from trepid.car.camera import Camera
@@ -142,3 +143,24 @@ def test_a_recording_brings_the_settings_of_its_car(tmp_path):
 def test_a_recording_without_images_is_refused_in_one_line(tmp_path):
     with pytest.raises(InputError, match="holds no image of a camera"):
         sources(recorded(tmp_path / "empty.mcap", notes={}))
+
+
+def test_the_frames_of_a_video_have_the_stamps_of_the_file(tmp_path):
+    times_ms = [0, 40, 80, 280, 480, 2480]
+    path = matroska(tmp_path / "a.mkv", [photo(40 * n) for n in range(6)], times_ms, duration_ms=60_000.0)
+    (source,) = sources(path)
+    shots = list(source.shots())
+    assert [shot.t_s for shot in shots] == pytest.approx([t / 1e3 for t in times_ms])
+    assert [shot.number for shot in shots] == list(range(6))
+
+
+def test_a_video_that_is_cut_short_gives_its_frames_before_it_is_refused(tmp_path):
+    path = matroska(tmp_path / "a.mkv", [photo(40 * n) for n in range(6)], range(0, 240, 40))
+    path.write_bytes(path.read_bytes()[:-50])
+    found, (source,) = [], sources(path)
+    with pytest.raises(
+        InputError, match=r"video is truncated: \d frames can be read; 50 of \d+ bytes are missing"
+    ):
+        for shot in source.shots():
+            found.append(shot.number)
+    assert len(found) >= 4

@@ -1,0 +1,108 @@
+"""Videos are read by their stamps to their end, and what cannot be read is called by its name."""
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from video_rig import element, matroska
+
+from trepid.config import InputError
+from trepid.images.video import count_frames, loss_of, spread_images, video_frames
+
+TIMES_MS = [*range(0, 400, 40), *range(600, 2600, 200), 9000]
+IMAGES = [np.full((48, 64, 3), 10 * n, np.uint8) for n in range(len(TIMES_MS))]
+
+
+def numbered(images: list[np.ndarray]) -> list[int]:
+    return [round(float(image.mean()) / 10) for image in images]
+
+
+def film(path: Path, count: int = 12) -> Path:
+    """A video of OpenCV; the container is that of the suffix."""
+    code = cv2.VideoWriter.fourcc(*("MJPG" if path.suffix == ".avi" else "mp4v"))
+    writer = cv2.VideoWriter(str(path), code, 25.0, (64, 48))
+    for image in IMAGES[:count]:
+        writer.write(image)
+    writer.release()
+    return path
+
+
+@pytest.mark.parametrize("duration_ms", [None, 9040.0, 60_000.0, 400.0])
+@pytest.mark.parametrize("known", [True, False])
+def test_matroska_is_read_to_its_end_by_its_stamps_whatever_it_announces(
+    tmp_path: Path, known: bool, duration_ms: float | None
+) -> None:
+    path = matroska(tmp_path / "a.mkv", IMAGES, TIMES_MS, duration_ms=duration_ms, known=known)
+    frames = [(frame.number, frame.t_s, frame.decode()) for frame in video_frames(path)]
+    assert [number for number, _, _ in frames] == list(range(len(IMAGES)))
+    assert [t_s for _, t_s, _ in frames] == pytest.approx([t / 1e3 for t in TIMES_MS])
+    assert numbered([image for _, _, image in frames]) == list(range(len(IMAGES)))
+    assert count_frames(path) == len(IMAGES) and loss_of(path) == ""
+    assert numbered(spread_images(path, 3)) == [0, 10, 20]
+
+
+def test_a_stamp_that_does_not_follow_is_one_period_after_the_one_before(tmp_path: Path) -> None:
+    path = matroska(tmp_path / "a.mkv", IMAGES[:5], [0, 40, 40, 120, 160])
+    t_s = [frame.t_s for frame in video_frames(path)]
+    assert t_s[0] == 0.0 and (np.diff(t_s) > 0).all()
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.mov", "a.avi"])
+def test_a_film_of_opencv_is_whole_and_a_part_of_it_is_called_cut(tmp_path: Path, name: str) -> None:
+    path = film(tmp_path / name)
+    assert [frame.t_s for frame in video_frames(path)] == pytest.approx([n / 25 for n in range(12)])
+    assert loss_of(path) == "" and numbered(spread_images(path, 4)) == pytest.approx([0, 3, 7, 11], abs=1)
+    data = path.read_bytes()
+    for share in (0.3, 0.7, 0.95):
+        path.write_bytes(data[: int(share * len(data))])
+        lost = len(data) - path.stat().st_size
+        said = re.search(r"(\d+) (?:of \d+ )?bytes are missing|moov", loss_of(path))
+        assert said is not None and int(said[1] or 0) <= lost
+
+
+def test_matroska_that_knows_its_length_is_called_cut(tmp_path: Path) -> None:
+    path = matroska(tmp_path / "a.mkv", IMAGES, TIMES_MS)
+    data = path.read_bytes()
+    path.write_bytes(data[:-100])
+    assert loss_of(path) == f"100 of {len(data)} bytes are missing"
+    assert 0 < count_frames(path) < len(IMAGES)
+
+
+def test_bytes_after_a_whole_film_are_no_loss(tmp_path: Path) -> None:
+    for path in (film(tmp_path / "a.mp4"), matroska(tmp_path / "a.mkv", IMAGES, TIMES_MS)):
+        path.write_bytes(path.read_bytes() + bytes(4096))
+        assert loss_of(path) == ""
+
+
+def test_a_missing_decoder_is_called_so_with_the_command_that_converts(tmp_path: Path) -> None:
+    path = matroska(tmp_path / "my drive.mkv", IMAGES[:3], [0, 40, 80], codec="V_AV1")
+    with pytest.raises(InputError) as refused:
+        list(video_frames(path))
+    assert str(refused.value) == (
+        f"{path}: AV1: this OpenCV cannot decode it; convert it: ffmpeg -i '{path}' -c:v libx264"
+        f" '{tmp_path / 'my drive-h264.mp4'}'"
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "video is truncated: the file is empty"),
+        (b"no video", "cannot be read as a video"),
+        ((64).to_bytes(4, "big") + b"mdat" + bytes(56), "video is truncated: its index (moov) is missing"),
+        (
+            (640).to_bytes(4, "big") + b"mdat" + bytes(56),
+            "video is truncated: at least 576 bytes are missing",
+        ),
+        (element("1a45dfa3", b""), "its codec: this OpenCV cannot decode it; convert it: ffmpeg"),
+    ],
+    ids=["empty", "text", "no index", "cut", "no tracks"],
+)
+def test_a_file_without_a_frame_is_refused_by_its_cause(tmp_path: Path, content: bytes, said: str) -> None:
+    path = tmp_path / "a.mp4"
+    path.write_bytes(content)
+    with pytest.raises(InputError) as refused:
+        list(video_frames(path))
+    assert f"{path}: {said}" in str(refused.value) and "\n" not in str(refused.value)
