@@ -119,24 +119,18 @@ def _drive(
     raw_images: bool,
 ) -> dict[str, Any]:
     """The row of the drive. ``life`` prints a line after SIGN_OF_LIFE_S; the first line of the drive cancels it."""
-    from drive.launcher import drive as drive_scenario
-    from drive.launcher import has_simulator
-    from sim_harness.scenarios.chosen_estimators import changes_of, networks_of
+    from drive.choice import course_for
+    from drive.launcher import drive as drive_course
+    from drive.plan import has_simulator
     from trepid.processes.drive_settings import DriveSettings
     from trepid.processes.page_door import foxglove_port
 
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     if scenario is None and has_simulator():
         scenario = settings.scenario
-    what = None
-    if scenario is not None:
-        from sim_harness.scenarios.scenario import load_scenario
-
-        what = load_scenario(scenario, {**parse_overrides(changes or []), **changes_of(chosen)})
-        what.check()
-        what = what if duration is None else what.shortened(duration)
-    elif changes:
+    if scenario is None and changes:
         raise InputError("--set changes a scenario, and this car has no simulator; give --scenario too")
+    course = course_for(scenario, parse_overrides(changes or []), chosen or (), duration_s=duration)
 
     def started(text: str) -> None:
         life.cancel()
@@ -145,15 +139,13 @@ def _drive(
     door = page.door(settings)
     port = foxglove_port(settings.foxglove_port) if page.foxglove else None
     with shown(dashboard) as show:
-        return drive_scenario(
-            what,
+        return drive_course(
+            course,
             settings,
             seed=seed,
             show=show,
             say=started,
             record=record,
-            duration_s=duration,
-            chosen=networks_of(chosen) if chosen and what is None else None,
             raw_images=raw_images,
             page=door,
             foxglove=port,

@@ -1,37 +1,28 @@
 """A live drive: starts all processes over Zenoh, monitors them and evaluates the drive.
 
 The launcher receives and displays messages and restarts processes that ended, so that the stop after a failure is
-steered. A drive of a scenario ends at the end of its route, after the duration, at standstill after the loss of a
-process, or on a signal; a drive of a real car after the duration or on a signal, at standstill.
+steered. A drive ends at the end of its course, after the duration, at standstill after the loss of a process, or on
+a signal; a real car stands before its processes end.
 """
 
 import os
 import signal
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from drive.monitor import Assigned, Monitor, Show
+from drive.course import Course, Findings
+from drive.monitor import Monitor, Show
 from drive.plan import (
-    Networks,
-    check_car,
     context_of,
-    estimators_of,
-    is_simulated,
     networks_in,
     planned,
 )
-from perception.estimators import misfits
-from perception.lead.finder import blindness, check_lead
-from sim_harness.lockstep.closed_loop import check_configuration
-from sim_harness.scenarios.faults import EstimatorBias, LostLane
-from sim_harness.scenarios.road_users import UserSensor
-from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
-from trepid.config import InputError, car_folder
+from trepid.config import car_folder
 from trepid.processes.access import published_by
 from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.endpoint import usable_endpoint
@@ -51,13 +42,8 @@ RECORDER_READY_S = (
 )
 
 
-def has_simulator() -> bool:
-    """True when the processes of the car in use contain a simulator, so that a drive needs a scenario."""
-    return is_simulated(load_processes())
-
-
 def drive(
-    scenario: Scenario | None,
+    course: Course,
     settings: DriveSettings,
     *,
     seed: int,
@@ -65,22 +51,19 @@ def drive(
     say: Callable[[str], None] = lambda _: None,
     record: Path | None = None,
     raw_images: bool = False,
-    duration_s: float | None = None,
-    chosen: Networks | None = None,
     page: PageDoor | None = None,
     foxglove: int | None = None,
 ) -> dict[str, Any]:
-    """Drive ``scenario`` live, or without one the real car in use, and return its row of ``drive --json``.
+    """Drive ``course`` live and return the row of ``drive --json``.
 
-    ``chosen``: estimators of the real car instead of those of its processes. ``page``: where its live page is
-    served, ``foxglove``: the port of the server for Foxglove; None: nowhere.
+    ``page``: where its live page is served, ``foxglove``: the port of the server for Foxglove; None: nowhere.
 
-    Raises InputError for a scenario that only the lock-step loop can simulate, for invalid configuration, for an
-    endpoint in use, and for a process that does not start.
+    Raises InputError for invalid configuration, for an endpoint in use, and for a process that does not start.
     """
     recorded = record is not None or settings.ring.max_mb > 0
     served = {PAGE: page is not None, FOXGLOVE: foxglove is not None}
-    specs, estimators, networks, remark = _plan(scenario, recorded=recorded, chosen=chosen, **served)
+    plan = plan_of(course, recorded=recorded, **served)
+    specs, what = plan.specs, course.name
     if record is not None:
         check_recording(record)
     offset_ns = epoch_offset_ns()
@@ -89,7 +72,6 @@ def drive(
     check_keys([spec.name for spec in specs])
     secured = session_settings(LAUNCHER, publishes=published_by(specs), listen=endpoint)
     car = car_folder()
-    what = scenario.name if scenario is not None else car.name if car is not None else "the car"
     running = Running(
         pid=os.getpid(),
         started_ticks=ticks(os.getpid()) or 0,
@@ -101,7 +83,7 @@ def drive(
         page=page.url if page is not None else None,
         ring=ring_name(now_s=time.time()) if record is None and settings.ring.max_mb > 0 else None,
     )
-    context = context_of(scenario, estimators, seed, networks)
+    context = context_of(course, plan.estimators, seed, plan.networks)
     context |= {"raw_images": raw_images}
     if page is not None:
         drive_id = f"{running.pid}-{offset_ns}"
@@ -127,42 +109,36 @@ def drive(
         woken_by_exits(bus),
         registered(running),
     ):
-        for name, why in misfits().items():
+        for name, why in plan.findings.misfits.items():
             say(f"the estimator {name} does not run: {why}")
         say(f"{what}: {len(specs)} processes at {endpoint}; `trepid status` shows them")
         if any(spec.name == PAGE for spec in specs):
             say(f"live page: {running.page}")
         if any(spec.name == FOXGLOVE for spec in specs):
             say(f"Foxglove or Lichtblick: open the connection ws://127.0.0.1:{foxglove}")
-        assigned = Assigned(scenario, estimators, duration_s, what, endpoint, remark)
-        monitor = Monitor(bus, clock, fleet, assigned, settings, show)
+        monitor = Monitor(bus, clock, fleet, course, plan.estimators, settings, show)
         if monitor.wait_until_ready(signals):
             monitor.watch(signals)
-        return monitor.row(seed)
+        return monitor.row(seed, remark=plan.findings.remark)
 
 
-def _plan(
-    scenario: Scenario | None, *, recorded: bool, chosen: Networks | None, page: bool, foxglove: bool
-) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...], dict[str, str], str]:
-    """The processes of the drive, its estimators, the files of its driving networks, and a remark about its sight.
+class Plan(NamedTuple):
+    """What runs in a drive."""
 
-    Raises InputError where they do not fit scenario or car.
-    """
-    if scenario is not None:
-        for what in lockstep_only(scenario):
-            raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
-    own = planned(load_processes(), scenario, recorded=recorded, chosen=chosen, page=page, foxglove=foxglove)
-    estimators = estimators_of(own, scenario)
+    specs: tuple[ProcessSpec, ...]
+    estimators: tuple[str, ...]
+    networks: Mapping[str, str]  # file of each driving network, by the name of its estimator
+    findings: Findings
+
+
+def plan_of(course: Course, *, recorded: bool, page: bool, foxglove: bool) -> Plan:
+    """The checked processes of a drive of ``course``. Raises InputError where they fit neither course nor car."""
+    own = planned(load_processes(), course, recorded=recorded, page=page, foxglove=foxglove)
+    estimators = course.estimators(own)
     check_vehicle(own)
-    check_lead(own)
-    if scenario is None:
-        check_car(own)
-    else:
-        check_configuration([scenario])
+    findings = course.check(own)
     specs = tuple(sorted(gathered(own), key=lambda spec: spec.name != RECORDER))
-    _check_losable(specs, scenario)
-    senses = scenario is not None and scenario.road_users_by is not UserSensor.CAMERA
-    return specs, estimators, networks_in(own), "" if senses else blindness(own)
+    return Plan(specs, estimators, networks_in(own), findings)
 
 
 def recorder_awaited(bus: Bus) -> Callable[[Child], None]:
@@ -181,27 +157,6 @@ def recorder_awaited(bus: Bus) -> Callable[[Child], None]:
             time.sleep(0.01)
 
     return wait
-
-
-def _check_losable(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> None:
-    """Raise InputError when a fault of the scenario concerns a process that does not run by itself."""
-    names = {spec.name for spec in specs}
-    for fault in scenario.faults if scenario is not None else ():
-        process = getattr(fault, "process", None)
-        if process is not None and process not in names:
-            raise InputError(
-                f"the fault {fault.kind} of the scenario concerns {process!r}, which is "
-                f"no process of its own in this drive; there are {', '.join(sorted(names))}"
-            )
-
-
-def lockstep_only(scenario: Scenario) -> Iterator[str]:
-    """The parts of ``scenario`` that a live drive cannot simulate."""
-    if scenario.sight is Sight.TRUTH:
-        yield "sight: truth"
-    if scenario.leads_by is LeadSensor.MODELLED:
-        yield "lead_sensor: modelled"
-    yield from (fault.kind for fault in scenario.faults if isinstance(fault, EstimatorBias | LostLane))
 
 
 @contextmanager

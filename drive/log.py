@@ -1,11 +1,11 @@
-"""Messages of a live drive as received by the launcher: trace, heartbeats, times of the frames."""
+"""Messages of a live drive as received by the launcher: the newest, heartbeats, times of the frames."""
 
-from array import array
+from collections.abc import Callable
 from typing import Any
 
+from drive.course import Judge
 from drive.loads import Loads, number
 from drive.tally import Tally
-from sim_harness.judging.trace import Recorder, Trace
 from trepid.bus import Bus, Stream
 from trepid.clock import Clock
 from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, Timing, VehicleState
@@ -26,10 +26,13 @@ from vehicle.driver.stop_button import STOPPED
 
 
 class DriveLog:
-    """Receives all topics; one trace sample for each truth of the simulated vehicle."""
+    """Receives all topics, for the launcher and for the judge of the drive."""
 
-    def __init__(self, bus: Bus, clock: Clock, estimators: tuple[str, ...]) -> None:
+    def __init__(
+        self, bus: Bus, clock: Clock, estimators: tuple[str, ...], new_judge: Callable[[], Judge] = Tally
+    ) -> None:
         self.now_s = clock
+        self._new_judge = new_judge
         self._bus = bus
         topics: tuple[Topic[Any], ...] = (
             *map(estimate_topic, estimators),
@@ -53,11 +56,8 @@ class DriveLog:
         self.restart()
 
     def restart(self) -> None:
-        """Discard trace and latencies: the drive begins."""
-        self._recorder = Recorder(self._estimators, on_disk=True)
-        self._manoeuvres: dict[tuple[str, ...], int] = {}  # of the other vehicles, and a number for each ...
-        self._under_way = array("H")  # ... of which one belongs to each sample of the trace
-        self.tally = Tally()
+        """Discard judgement and latencies: the drive begins."""
+        self.judge = self._new_judge()
         self.loads = Loads()
         self._began_s = self.now_s()
         self.times = FrameTimes(self._estimators)
@@ -87,13 +87,10 @@ class DriveLog:
         match message:
             case SimTruth():
                 self.truth = message
-                if self.state is not None:
-                    self._recorder.add(message, self.state, self.command, self.decision, self.estimates)
-                    number = self._manoeuvres.setdefault(message.manoeuvres, len(self._manoeuvres))
-                    self._under_way.append(number)
+                self.judge.add(message, self)
             case VehicleState():
                 self.state = message
-                self.tally.add(message, self.decision)
+                self.judge.add(message, self)
             case Command():
                 self.command = message
             case Decision():
@@ -112,12 +109,3 @@ class DriveLog:
         values = beat.values if beat else ()
         counts = (number(values, key) for key, _ in values if key.startswith(MALFORMED))
         return sum(int(count) for count in counts if count is not None)
-
-    def trace(self) -> Trace:
-        """The drive so far."""
-        return self._recorder.trace()
-
-    def manoeuvres(self) -> list[tuple[str, ...]]:
-        """Manoeuvres of the other vehicles at each sample of the trace."""
-        known = list(self._manoeuvres)
-        return [known[number] for number in self._under_way]

@@ -1,14 +1,14 @@
 """The launcher's monitor of one drive: its beginning, the losses of processes, its end, and its evaluation."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Set
+from typing import Any
 
+from drive.course import Course
 from drive.evaluation import evaluated
 from drive.log import DriveLog
 from drive.losses import LossReport
 from drive.overview import Overview
 from drive.silence import Silence
-from sim_harness.scenarios.scenario import Scenario
 from trepid.bus import Bus
 from trepid.clock import Clock
 from trepid.config import InputError
@@ -20,34 +20,27 @@ from trepid.processes.settings import Loss, Restart
 Show = Callable[[DriveLog, Fleet, float], None]
 """Displays the drive so far: log, processes, elapsed time [s]."""
 LISTEN_S = 0.02
-ENDINGS = ("stopped by SIGINT", "stopped by SIGTERM")
-"""How a drive of a real car without duration ends normally."""
-
-
-class Assigned(NamedTuple):
-    """What is to be driven."""
-
-    scenario: Scenario | None  # None: a real car
-    estimators: tuple[str, ...]
-    duration_s: float | None  # of a real car; None: until a signal
-    what: str  # name of the scenario or of the car
-    endpoint: str
-    remark: str = ""  # about the car, for the summary
 
 
 class Monitor:
     """Monitors one drive and evaluates it."""
 
     def __init__(
-        self, bus: Bus, clock: Clock, fleet: Fleet, assigned: Assigned, settings: DriveSettings, show: Show
+        self,
+        bus: Bus,
+        clock: Clock,
+        fleet: Fleet,
+        course: Course,
+        estimators: tuple[str, ...],
+        settings: DriveSettings,
+        show: Show,
     ) -> None:
         self._clock = clock
         self._fleet = fleet
-        self._assigned = assigned
-        self._scenario = assigned.scenario
+        self._course = course
         self._settings = settings
         self._show = show
-        self._log = DriveLog(bus, clock, assigned.estimators)
+        self._log = DriveLog(bus, clock, estimators, course.judge)
         self._losses = LossReport(bus, clock, fleet)
         self._overview = Overview(bus, self._log, fleet)
         self._silence = Silence(
@@ -59,7 +52,7 @@ class Monitor:
         self._shown_s = self._began_s
         self._lost_s: float | None = None  # time of the first loss of a process
         self._ended_s: float | None = None  # from when on the car stops because the drive ends
-        self._paused: set[str] = set()  # processes that a fault of the scenario has paused
+        self._paused: Set[str] = frozenset()  # processes that are lost on purpose
 
     def wait_until_ready(self, signals: list[str]) -> bool:
         """Wait for a heartbeat of every process, a first decision, and the end of any run-up.
@@ -74,7 +67,7 @@ class Monitor:
                 for name, child in self._fleet.children.items()
                 if child.spec.heartbeat and name not in self._log.diagnostics
             ]
-            if not missing and self._log.decision is not None and self._begun():
+            if not missing and self._log.decision is not None and self._course.begun(self._log.truth):
                 self._begin()
                 return True
             self._log.waiting = f"waiting for {', '.join(missing) or 'the first decision'}"
@@ -85,7 +78,7 @@ class Monitor:
         return False
 
     def watch(self, signals: list[str]) -> None:
-        """Monitor until the end of the route or the duration, standstill after a loss, or a signal."""
+        """Monitor until the end of the course or the duration, standstill after a loss, or a signal."""
         while not self._finished(signals):
             self._receive("; ".join([*self._problems, *self._notes]))
             self._simulate_losses()
@@ -95,7 +88,7 @@ class Monitor:
             if any(ends):
                 return  # it contains the simulated car
         self._overview.stopping()
-        self._problems += [text for text in signals if self._scenario is not None or text not in ENDINGS]
+        self._problems += [text for text in signals if text not in self._course.endings]
 
     def _begin(self) -> None:
         self._log.waiting = ""
@@ -105,13 +98,10 @@ class Monitor:
 
     def _finished(self, signals: list[str]) -> bool:
         """True at the end of the drive. A real car is stopped before; a second signal ends at once."""
-        if self._scenario is not None:
-            duration_s: float | None = self._scenario.duration_s
-        else:
-            duration_s = self._assigned.duration_s
+        duration_s = self._course.duration_s
         over = bool(signals) or (duration_s is not None and self._elapsed_s() >= duration_s)
         over = over or (self._log.truth is not None and self._log.truth.finished)
-        if over and self._scenario is None and len(signals) < 2 and not self._stands():
+        if over and self._course.stops_at_end and len(signals) < 2 and not self._stands():
             if self._ended_s is None:
                 self._ended_s = self._clock()
                 self._losses.request_stop()
@@ -154,21 +144,21 @@ class Monitor:
         said = f" (its last output: {words})" if words else ""
         return f"{where}no heartbeat of {', '.join(missing)} {waited}{said}; {remedy}"
 
-    def row(self, seed: int) -> dict[str, Any]:
-        """The result of the run as a row of ``drive --json``."""
+    def row(self, seed: int, *, remark: str = "") -> dict[str, Any]:
+        """The result of the run as a row of ``drive --json``. ``remark``: about the car, "" for none."""
         return evaluated(
             self._log,
             self._fleet,
-            self._scenario,
+            self._course,
             seed=seed,
             elapsed_s=self._elapsed_s(),
             problems=self._problems,
-            notes=[*self._notes, *filter(None, [self._assigned.remark])],
+            notes=[*self._notes, *filter(None, [remark])],
         )
 
     def _simulate_losses(self) -> None:
-        """Pause the processes that a fault of the scenario loses now, and resume the others."""
-        lost = self._scenario.lost_processes(self._elapsed_s()) if self._scenario else set()
+        """Pause the processes that the course loses now, and resume the others."""
+        lost = self._course.lost(self._elapsed_s())
         for name in lost - self._paused:
             self._fleet.pause(name)
         for name in self._paused - lost:
@@ -187,13 +177,6 @@ class Monitor:
 
     def _elapsed_s(self) -> float:
         return self._clock() - self._began_s
-
-    def _begun(self) -> bool:
-        """True from the start of the run on; a start at speed follows a run-up."""
-        if self._scenario is None:
-            return True
-        truth = self._log.truth
-        return truth is not None and truth.elapsed_s is not None and truth.elapsed_s >= 0.0
 
     def _end_silent_processes(self) -> None:
         """End processes that run without heartbeats, so that they are started again."""

@@ -1,10 +1,9 @@
-"""Runs, sweeps and live drives from Python: ``trepid.run``, ``sweep``, ``rate`` and ``drive``."""
+"""Runs and sweeps from Python: ``trepid.run``, ``sweep`` and ``rate``."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
 
 from perception.api import Paths, as_paths, cameras, check_estimator, in_car
 from perception.estimators import ESTIMATORS
@@ -15,7 +14,7 @@ from sim_harness.lockstep.closed_loop import Result, check_configuration
 from sim_harness.lockstep.closed_loop import run as run_scenario
 from sim_harness.lockstep.recording import recording
 from sim_harness.report.page import Page
-from sim_harness.scenarios.chosen_estimators import changes_of, networks_of
+from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.sampling import Method
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.fingerprint import fingerprint
@@ -24,7 +23,7 @@ from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.store import Row
 from sim_harness.sweep.sweep import sweep as outcomes_of
 from sim_harness.sweep.sweep import workforce
-from trepid.config import CONFIG_DIR, InputError, load, refuse, using_car
+from trepid.config import InputError, refuse, using_car
 from trepid.images.files import NOMINAL_FPS
 from trepid.recording.writer import check_recording
 
@@ -154,49 +153,6 @@ def rate(
         )
 
     return in_car(car, begin())
-
-
-def drive(
-    scenario: str | Path | None = None,
-    *,
-    duration_s: float | None = None,
-    seed: int = 0,
-    settings: Mapping[str, object] | None = None,
-    estimators: Sequence[str] = (),
-    car: str | Path | None = None,
-    record: str | Path | None = None,
-    raw_images: bool = False,
-) -> dict[str, Any]:
-    """Drive live with all processes over Zenoh, as ``trepid drive --no-page`` does, until the end of the drive.
-
-    ``scenario``: a name or file; without one that of ``drive.yaml``, and none where the car has no simulator.
-    The result is the dictionary that ``trepid drive --json`` prints. Call it in the main thread: SIGINT and
-    SIGTERM stop the car. Raises InputError for wrong input, and for a process that does not start.
-    """
-    from drive.launcher import drive as drive_live
-    from drive.launcher import has_simulator
-    from trepid.processes.drive_settings import DriveSettings
-
-    refuse("raw_images needs record", raw_images and record is None)
-    with using_car(None if car is None else Path(car)):
-        given = load(CONFIG_DIR / "drive.yaml", DriveSettings)
-        name = given.scenario if scenario is None and has_simulator() else scenario
-        what = None
-        if name is not None:
-            what = load_scenario(str(name), _changes(settings, estimators))
-            what.check()
-            what = what if duration_s is None else what.shortened(duration_s)
-        refuse("settings change a scenario: give scenario too", what is None and bool(settings))
-        return drive_live(
-            what,
-            given,
-            seed=seed,
-            show=lambda *_: None,
-            record=None if record is None else Path(record),
-            raw_images=raw_images,
-            duration_s=duration_s,
-            chosen=networks_of(estimators) if estimators and what is None else None,
-        )
 
 
 def _changes(settings: Mapping[str, object] | None, estimators: Sequence[str]) -> dict[str, str]:

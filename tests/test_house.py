@@ -23,7 +23,7 @@ ALLOWED = {
     "supervisor": {"trepid", "supervisor"},
     "controller": {"trepid", "controller"},
     "vehicle": {"trepid", "controller", "vehicle"},  # the limiter, as the last step before the wire
-    "drive": {*ROAD, "drive", "sim_harness"},
+    "drive": {*ROAD, "drive"},
     "sim_harness": {*ROAD, "drive", "sim_harness"},
     "cockpit": {*ROAD, "drive", "cockpit"},
     "learning": {*ROAD, "drive", "sim_harness", "cockpit", "learning"},

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cockpit.notebook.car import Car, load
     from cockpit.notebook.drives import OpenRecording, explain, open_recording
+    from drive.api import drive
     from perception.api import estimate
-    from sim_harness.api import drive, rate, run, sweep
+    from sim_harness.api import rate, run, sweep
     from trepid.config import InputError
 
 __version__ = "0.1.0"
@@ -39,8 +40,9 @@ __all__ = [
 _HOMES = {
     "cockpit.notebook.car": ("Car", "load"),
     "cockpit.notebook.drives": ("OpenRecording", "explain", "open_recording"),
+    "drive.api": ("drive",),
     "perception.api": ("estimate",),
-    "sim_harness.api": ("drive", "rate", "run", "sweep"),
+    "sim_harness.api": ("rate", "run", "sweep"),
     "trepid.config": ("InputError",),
 }
 """Module -> the names that it defines, imported by name: the package is the lowest of all, and its import light."""

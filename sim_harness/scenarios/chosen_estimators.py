@@ -1,18 +1,9 @@
-"""Estimators that are chosen on the command line: names, and files of driving networks."""
+"""Estimators that are chosen on the command line, as changes of a scenario."""
 
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
-from perception.estimators import NETWORK_SUFFIX, name_of
-
-
-def networks_of(designations: Sequence[str]) -> dict[str, str | None]:
-    """The names of estimators given by names or files, and the file of each driving network. Raises InputError."""
-    return {
-        name_of(text): str(Path(text).resolve()) if text.endswith(NETWORK_SUFFIX) else None
-        for text in designations
-    }
+from drive.choice import networks_of
 
 
 def changes_of(designations: Sequence[str] | None) -> Mapping[str, str]:

@@ -6,7 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from drive.monitor import Assigned, Monitor
+from drive.monitor import Monitor
+from drive.open_road import OpenRoad
+from sim_harness.live.course import ScenarioCourse
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.bus import free_endpoint, open_bus
 from trepid.config import CONFIG_DIR, InputError, load
@@ -26,9 +28,8 @@ def test_a_process_that_refuses_its_input_ends_the_drive_with_that_line():
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     scenario = load_scenario("straight", check=False)
     with open_bus("car", time.monotonic, listen=free_endpoint()) as bus:
-        monitor = Monitor(
-            bus, time.monotonic, fleet, Assigned(scenario, ("cv",), None, "x", ""), settings, lambda *_: None
-        )
+        course = ScenarioCourse(scenario)
+        monitor = Monitor(bus, time.monotonic, fleet, course, ("cv",), settings, lambda *_: None)
         with pytest.raises(InputError, match=r"^process supervisor: rules\.yaml:3:5: no such cause$"):
             monitor.wait_until_ready([])
 
@@ -44,7 +45,7 @@ def test_a_real_car_that_moves_on_after_the_end_fails_the_drive(
     clock = map(float, itertools.count()).__next__  # a second passes at every reading
     with open_bus("car", clock, listen=free_endpoint()) as bus:
         send = bus.publisher(VEHICLE_STATE)
-        monitor = Monitor(bus, clock, fleet, Assigned(None, (), 5.0, "x", ""), settings, lambda *_: None)
+        monitor = Monitor(bus, clock, fleet, OpenRoad(duration_s=5.0), (), settings, lambda *_: None)
         send(
             VehicleState(
                 t_s=0.0,

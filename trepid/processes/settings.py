@@ -43,6 +43,8 @@ RESERVED = (LAUNCHER, OBSERVER, AUTHORITY)
 """Names that no process may have: their certificates belong to others."""
 PROGRAMS = ("module", "command", "entry_point")
 SIMULATOR = "sim_harness."
+COURSES = f"{SIMULATOR}live.course"
+"""The module of the simulator that makes the course of a scenario: imported when a drive asks for one."""
 PUBLISHED: Mapping[str, tuple[str, ...]] = {
     "vehicle.actuators.node": (VEHICLE_STATE.key,),
     "vehicle.cameras.node": (CAMERA_IMAGE.key, CAMERA_COMPRESSED.key),

@@ -16,6 +16,7 @@ from drive.log import DriveLog
 from drive.plan import context_of, planned
 from sim_harness.bench.live.overload import overload
 from sim_harness.bench.live.ping import pinging
+from sim_harness.live.course import ScenarioCourse
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
@@ -38,7 +39,7 @@ Row = dict[str, Any]
 def bench_pipeline(seed: int) -> Row:
     """Latency from stage to stage, transport against bare Zenoh, CPU, by arm; lag under overload."""
     scenario = load_scenario("straight", {"camera.rate_hz": str(RATE_HZ)})
-    specs = planned(load_processes(), scenario)
+    specs = planned(load_processes(), ScenarioCourse(scenario))
     arms = {
         "a process each": specs,
         "one process": in_one_process(specs),
@@ -88,7 +89,7 @@ def driven(scenario: Scenario, specs: tuple[ProcessSpec, ...], *, seed: int) -> 
             vehicle_name="bench",
             endpoint=endpoint,
             clock_offset_ns=offset_ns,
-            context=context_of(scenario, scenario.estimators, seed),
+            context=context_of(ScenarioCourse(scenario), scenario.estimators, seed),
         ) as fleet,
         pinging(receivers, rate_hz=PING_HZ) as ping,
     ):

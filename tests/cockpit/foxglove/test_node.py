@@ -10,6 +10,7 @@ import pytest
 from message_rig import decision as some_decision
 from websockets.sync.client import ClientConnection, connect
 
+from drive.open_road import OpenRoad
 from drive.plan import planned
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns, seconds
@@ -115,14 +116,14 @@ def test_the_server_runs_when_asked_for_and_its_loss_changes_nothing() -> None:
     specs = load_processes()
     (spec,) = [spec for spec in specs if spec.name == "foxglove"]
     assert spec.loss == "nothing" and spec.publishes == ()
-    assert spec not in planned(specs, None) and spec in planned(specs, None, foxglove=True)
+    assert spec not in planned(specs, OpenRoad()) and spec in planned(specs, OpenRoad(), foxglove=True)
 
 
 def test_a_car_that_leaves_the_server_out_is_refused_when_it_is_asked_for() -> None:
     specs = tuple(spec for spec in load_processes() if spec.name != "foxglove")
-    assert planned(specs, None)
+    assert planned(specs, OpenRoad())
     with pytest.raises(InputError, match=r"--foxglove: processes\.yaml of the car leaves out"):
-        planned(specs, None, foxglove=True)
+        planned(specs, OpenRoad(), foxglove=True)
 
 
 def test_a_port_in_use_is_replaced_by_a_free_one() -> None:

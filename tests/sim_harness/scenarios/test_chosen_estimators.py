@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 from driving_network_rig import write_network
 
+from drive.choice import networks_of
 from sim_harness.cli import run_verb
 from sim_harness.lockstep.closed_loop import check_configuration
-from sim_harness.scenarios.chosen_estimators import changes_of, networks_of
+from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.sampling import Case
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.sweep.plan import case_key

@@ -30,7 +30,7 @@ FAILURES = 4  # drives of one wire in a row without a result
 SURVIVED = 6  # faults of one drive before the one that ends it
 STORE = WORK_DIR / "runs" / "faults.jsonl"
 DRIVEN = (
-    *("sim_harness.bench.live.faults.bench", "drive.cli", "drive.launcher"),
+    *("sim_harness.bench.live.faults.bench", "drive.cli", "drive.launcher", "sim_harness.live.course"),
     *("sim_harness.live.camera_node", "sim_harness.live.vehicle_node", "sim_harness.counterparts.ecu"),
     *("perception.node", "perception.lead.node", "supervisor.node", "controller.node"),
     *("vehicle.actuators.node", "vehicle.actuators.can.actuator", "trepid.recording.node"),
