@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence, Set
 from typing import Any
 
-from drive.check import check_car
+from drive.check import check_car_apart
 from drive.course import Findings
 from drive.plan import Networks, with_estimators
 from drive.tally import Tally
@@ -35,8 +35,8 @@ class OpenRoad:
         return estimators_in(specs)
 
     def check(self, specs: Sequence[ProcessSpec]) -> Findings:
-        """See :func:`~drive.check.check_car`. Raises InputError."""
-        return check_car(specs)
+        """See :func:`~drive.check.check_car_apart`. Raises InputError."""
+        return check_car_apart(specs)
 
     def options(self) -> Mapping[str, Any]:
         """No scenario, the cruise speed of supervisor.yaml, the rules of the car."""

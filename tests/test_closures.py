@@ -1,0 +1,114 @@
+"""What the processes of a real car load: their own package and the vocabulary, nothing of the proving ground.
+
+Each entry of the table is imported in a process of its own, and builds what it builds for a car: ``sys.modules``
+then holds what runs in the car. A module counts where it holds code; to look for a program, the launcher imports
+the empty packages above it.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from closure_rig import lines_of_code, loaded
+
+from cockpit.car.init import Like, write_car
+from trepid.config import CAR
+from trepid.packages import PACKAGES
+
+
+class Closure(NamedTuple):
+    """An entry of a car: what it runs, what it may load beside ``trepid``, and how much."""
+
+    statements: str
+    packages: set[str]
+    modules: int  # at most
+    lines: int  # of code, at most
+
+
+CLOSURES = {
+    "launcher": Closure(
+        "import drive.cli\n"
+        "from drive.choice import course_for\n"
+        "from drive.launcher import plan_of\n"
+        "road = course_for(None, {}, (), duration_s=None)\n"
+        "assert plan_of(road, recorded=True, page=True, foxglove=False).specs",
+        {"drive", "vehicle"},  # keys, and the words of the stop button
+        65,
+        5_300,
+    ),
+    "camera": Closure(
+        "import vehicle.cameras.node, vehicle.cameras.device",
+        {"vehicle"},
+        30,
+        2_700,
+    ),
+    "estimators": Closure(
+        "import perception.node\n"
+        "from perception.estimators import build\n"
+        "assert build('cv') and build('cnn')",
+        {"perception"},
+        92,
+        8_000,
+    ),
+    "lead": Closure(
+        "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
+        {"perception"},
+        58,
+        5_500,
+    ),
+    "supervisor": Closure(
+        "import supervisor.node\n"
+        "from supervisor.supervisor import build\n"
+        "from trepid.config import default_file\n"
+        "assert build(rules=default_file('fear.yaml'))",
+        {"supervisor"},
+        68,
+        7_200,
+    ),
+    "controller": Closure(
+        "import controller.node\nfrom controller.controller import build\nassert build()",
+        {"controller"},
+        52,
+        4_300,
+    ),
+    "vehicle": Closure(
+        "import vehicle.actuators.node, vehicle.actuators.can.actuator\n"
+        "from controller.limiter import build\n"
+        "assert build()",
+        {"vehicle", "controller"},  # the limiter
+        52,
+        4_500,
+    ),
+    "recorder": Closure("import trepid.recording.node", set(), 33, 3_500),
+    "page": Closure("import cockpit.page.node", {"cockpit", "vehicle"}, 50, 4_900),
+}
+
+
+@pytest.fixture(scope="module")
+def shuttle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    car = tmp_path_factory.mktemp("car") / "mycar"
+    write_car(car, Like.SHUTTLE)
+    return car
+
+
+@pytest.mark.parametrize("entry", CLOSURES)
+def test_an_entry_of_a_real_car_loads_its_own_package_and_the_vocabulary_only(
+    entry: str, shuttle: Path
+) -> None:
+    statements, packages, modules, lines = CLOSURES[entry]
+    found = {name: count for name, count in loaded(statements, {CAR: str(shuttle)}).items() if count}
+    foreign = sorted(name for name in found if name.split(".")[0] not in packages | {"trepid"})
+    assert foreign == []
+    assert len(found) <= modules and sum(found.values()) <= lines, (len(found), sum(found.values()))
+
+
+def test_the_measure_sees_the_simulator_where_it_is_loaded() -> None:
+    found = loaded("import sim_harness.live.vehicle_node", {})
+    assert {"sim_harness.live.vehicle_node", "controller.limiter.limiter", "trepid.bus"} <= found.keys()
+    assert {name.split(".")[0] for name in found} <= set(PACKAGES)
+
+
+def test_a_line_of_code_is_neither_blank_nor_comment_nor_docstring() -> None:
+    text = '"""Words.\n\nMore.\n"""\n\nA = (\n    1,  # one\n)\n'
+    text += '\n\ndef f():\n    """Words."""\n    # a comment\n    return A\n'
+    assert lines_of_code(text) == 5
