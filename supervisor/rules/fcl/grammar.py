@@ -10,13 +10,14 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 
 from trepid.cache.grammar import lalr
 from trepid.config import InputError
+from trepid.speech.loudness import note
 from trepid.spelling import did_you_mean
 
 KEYWORDS = (
     *("FUNCTION_BLOCK", "END_FUNCTION_BLOCK", "VAR_INPUT", "VAR_OUTPUT", "END_VAR", "REAL"),
     *("FUZZIFY", "END_FUZZIFY", "DEFUZZIFY", "END_DEFUZZIFY", "TERM", "RANGE", "DEFAULT"),
     *("RULEBLOCK", "END_RULEBLOCK", "RULE", "WITH", "OPTION", "END_OPTION"),
-    *("AND", "OR", "ACT", "ACCU", "METHOD", "MIN", "MAX", "COG"),
+    *("AND", "OR", "ACT", "ACCU", "METHOD", "MIN", "MAX", "COG", "COGS"),
     *("MEANING", "UNIT", "RISK", "MISSING", "BEYOND", "SPEED_FACTOR", "MODE", "HYSTERESIS"),
     *("BECAUSE", "CAUSE", "WITHOUT"),
 )
@@ -36,7 +37,7 @@ start: _FUNCTION_BLOCK NAME (var_input | var_output | fuzzify | defuzzify | rule
 var_input: _VAR_INPUT (NAME _COLON _REAL _SEMICOLON)* _END_VAR
 var_output: _VAR_OUTPUT (NAME _COLON _REAL _SEMICOLON)* _END_VAR
 fuzzify: _FUZZIFY NAME (term | range)* _END_FUZZIFY
-defuzzify: _DEFUZZIFY NAME (term | range | default | _setting)* _END_DEFUZZIFY
+defuzzify: _DEFUZZIFY NAME (term | range | default | _setting | _METHOD _COLON COGS _SEMICOLON)* _END_DEFUZZIFY
 term: _TERM NAME _ASSIGN (singleton | corner*) _SEMICOLON
 singleton: NUMBER
 corner: LPAR NUMBER _COMMA NUMBER RPAR
@@ -69,10 +70,23 @@ LPAR: /\((?!\*)/
 RPAR: ")"
 %ignore /\s+/
 %ignore /\(\*(.|\n)*?\*\)/
+%ignore /\/\*(.|\n)*?\*\//
 %ignore /\/\/[^\n]*/
 """
 _NEXT = re.compile(r"'(?:\$.|[^'$\n])*'|[+-]?[\d.]+\w*|\w+|:=|\.\.|.|$", re.DOTALL)
-_KEPT = ("RANGE", "DEFAULT", "WITH", "MEANING", "UNIT", "RISK", "MISSING", "BEYOND", "SPEED_FACTOR", "MODE")
+_KEPT = (
+    "COGS",
+    "RANGE",
+    "DEFAULT",
+    "WITH",
+    "MEANING",
+    "UNIT",
+    "RISK",
+    "MISSING",
+    "BEYOND",
+    "SPEED_FACTOR",
+    "MODE",
+)
 
 
 class Source:
@@ -96,6 +110,10 @@ class Source:
         line, column = (token.line, token.column) if token is not None else (1, 1)
         raise InputError(f"{self._name}:{line}:{column}: {message}")
 
+    def note(self, token: Token, message: str) -> None:
+        """Say what was assumed at ``token``."""
+        note(f"trepid: {self._name}:{token.line}:{token.column}: {message}")
+
     def expect(self, token: Token, names: Iterable[str], *, what: str = "one of ") -> str:
         """``token`` as one of ``names``. Raises InputError."""
         known = tuple(names)
@@ -112,7 +130,7 @@ class Source:
             "", got, line=self._text.count("\n", 0, at) + 1, column=at - self._text.rfind("\n", 0, at)
         )
         if isinstance(error, UnexpectedCharacters):
-            unfinished = self._text[at] in "('"
+            unfinished = self._text[at] in "('" or self._text.startswith("/*", at)
             what = "begins a text or a comment that does not end" if unfinished else "is no sign of FCL"
             self.fail(place, f"{self._text[at]!r} {what}")
         shown = repr(got) if got else "the end of the file"

@@ -1,9 +1,10 @@
 """Rule files from IEC 61131-7 Fuzzy Control Language, in the subset that :mod:`supervisor.rules.fcl.export` writes.
 
 One function block; inputs with the five terms as points of degree 0 or 1; outputs fear and trust_NAME with
-triangles, or singletons, of which each reaches down to its neighbours; MIN, MAX, COG. A file without the OPTION
-block of the export is read as Mamdani's method; the direction of every risk must be given, ``OPTION RISK speed :=
-rising; END_OPTION``, because FCL has no word for it.
+triangles, or singletons, of which each reaches down to its neighbours; MIN, MAX, COG, or COGS for singletons, whose
+centre of gravity is that of these triangles here. A file without the OPTION block of the export is read as
+Mamdani's method; the direction of every risk must be given, ``OPTION RISK speed := rising; END_OPTION``, because
+FCL has no word for it.
 """
 
 import re
@@ -53,6 +54,7 @@ class _Reader:
         self.words: list[list[tuple[int, Token]]] = []  # of each rule, with their offsets in its sentence
         self.labels: dict[str, int] = {}
         self.places: dict[tuple[str | int, ...], Token] = {}
+        self.cogs: list[tuple[Token, Token]] = []  # outputs with METHOD : COGS, and its place
 
     def file(self) -> RuleFile:
         _, *blocks = self.source.tree().children
@@ -92,7 +94,9 @@ class _Reader:
     def defuzzify(self, parts: list[Any]) -> None:
         terms = self.outputs[self.source.expect(parts[0], self.outputs)]
         for part in parts[1:]:
-            if part.data == "term":
+            if isinstance(part, Token):
+                self.cogs.append((parts[0], part))
+            elif part.data == "term":
                 level, corners = self.term(part)
                 terms[str(level)] = level, corners
             elif part.data == "range":
@@ -166,6 +170,10 @@ class _Reader:
             self.data["fear"][level]["at"] = place
         for name in (name for name in self.outputs if name != FEAR):
             self.peaks(name)
+        for output, token in self.cogs:
+            singletons = all(len(corners) == 1 for _, corners in self.outputs[str(output)].values())
+            self.require(singletons, token, "singletons such as TERM low := 0.25; for COGS, else COG")
+            self.source.note(token, "read as COG of triangles that reach down to the neighbouring singletons")
         self.data["estimators"] = [name.removeprefix(TRUST_PREFIX) for name in self.outputs if name != FEAR]
         for index, cause in self.data.pop("because").items():
             self.data["rules"][index] += f" because {cause}"
@@ -221,7 +229,7 @@ def _numbers(part: Any) -> tuple[float, ...]:
 def _sentence(words: list[Any]) -> tuple[str, list[tuple[int, Token]]]:
     """A rule as a sentence of the rule language, and the offset in it of every token."""
     sentence, offsets = "", []
-    for token in words:
+    for token in _without_brackets_of_the_conclusion(words):
         word = token.lower() if token.lower() in FCL_WORDS else str(token)
         if token.type == "WITH":
             word = "with weight"
@@ -229,6 +237,16 @@ def _sentence(words: list[Any]) -> tuple[str, list[tuple[int, Token]]]:
         offsets.append((len(sentence), token))
         sentence += word
     return sentence, offsets
+
+
+def _without_brackets_of_the_conclusion(words: list[Any]) -> list[Any]:
+    """``words`` without the pairs of brackets around what follows THEN, up to WITH."""
+    then = next((at for at, token in enumerate(words) if token.lower() == "then"), len(words))
+    end = next((at for at, token in enumerate(words) if at > then and token.type == "WITH"), len(words))
+    conclusion = words[then + 1 : end]
+    while len(conclusion) > 1 and (conclusion[0].type, conclusion[-1].type) == ("LPAR", "RPAR"):
+        conclusion = conclusion[1:-1]
+    return [*words[: then + 1], *conclusion, *words[end:]]
 
 
 def _plain(token: Token) -> Any:

@@ -107,6 +107,46 @@ END_FUNCTION_BLOCK
 """
 
 
+RULE = "IF a IS low AND NOT (b IS high) THEN fear IS medium WITH 0.5"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("FUNCTION_BLOCK tipping", "/* a head\n * over lines **/ FUNCTION_BLOCK tipping"),
+        ("VAR_INPUT a", "(* one *) VAR_INPUT /* two (* not nested */ a // three /* (* \n"),
+        (RULE, RULE.replace("a IS low", "a (* in *) IS /* a */ low // rule\n")),
+        ("METHOD : COG;", "METHOD : COGS;"),
+        ("METHOD : COG;", "method : cogs;"),
+        ("fear IS medium WITH", "(fear IS medium) WITH"),
+        ("fear IS medium WITH", "((fear IS medium)) WITH"),
+    ],
+)
+def test_comments_cogs_of_singletons_and_brackets_of_a_conclusion_change_nothing(old: str, new: str) -> None:
+    assert old in FOREIGN
+    plain = parse_fcl(FOREIGN, source="f.fcl", like=SHIPPED.file)
+    assert parse_fcl(FOREIGN.replace(old, new, 1), source="f.fcl", like=SHIPPED.file) == plain
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "(a IS low) AND (NOT (b IS high))",
+        "((a IS low AND (NOT ((b IS high)))))",
+        "(NOT (NOT (a IS low) OR (b IS high)))",
+    ],
+)
+def test_brackets_of_a_condition_group_as_deep_as_they_are_written(condition: str) -> None:
+    plain, nested = (
+        compiled(parse_fcl(text, source="f.fcl", like=SHIPPED.file))
+        for text in (FOREIGN, FOREIGN.replace("a IS low AND NOT (b IS high)", condition, 1))
+    )
+    rng = random.Random(3)
+    for _ in range(30):
+        values = {"a": rng.random(), "b": rng.random()}
+        assert nested.evaluate(values).fear == pytest.approx(plain.evaluate(values).fear, abs=1e-12)
+
+
 def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_states() -> None:
     file = parse_fcl(FOREIGN, source="f.fcl", like=SHIPPED.file)
     assert (file.method, file.rules) == (
@@ -129,7 +169,7 @@ def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_states() -> N
         ("TERM low := (0.0, 0)", "TERM low := (0.0 0)", ":13:20: expected ',', got '0'"),
         ("TERM low := (0.0, 0)", "TERM low := (0.3, 0)", ":13:8: the points must not fall"),
         ("TERM low := (0.0, 0)", "TERM low := (-1.0, 0)", "not in order"),
-        ("METHOD : COG;", "METHOD : MOM;", ": expected 'COG', got 'MOM'"),
+        ("METHOD : COG;", "METHOD : MOM;", ": expected 'COG' or 'COGS', got 'MOM'"),
         ("DEFAULT := 1;", "DEFAULT := 0;", "expected the default 1"),
         ("RANGE := (0 .. 1)", "RANGE := (0 .. 2)", "expected the range 0 .. 1"),
         ("AND : MIN;", "AND : PROD;", "expected 'MIN', got 'PROD'"),
@@ -148,6 +188,8 @@ def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_states() -> N
         ("END_FUNCTION_BLOCK", "", "got the end of the file"),
         ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK FUNCTION_BLOCK", "expected the end of the file"),
         ("END_FUNCTION_BLOCK", "(* END_FUNCTION_BLOCK", "begins a text or a comment that does not end"),
+        ("END_FUNCTION_BLOCK", "/* END_FUNCTION_BLOCK", "begins a text or a comment that does not end"),
+        ("METHOD : COG;", "METHOD : COGS;", "expected singletons such as TERM low := 0.25; for COGS, else COG"),
         ("MEANING a := 'a risk'", "MEANING a := 'a risk", "begins a text or a comment that does not end"),
         ("VAR_OUTPUT", "VAR_OUTPUT %", "'%' is no sign of FCL"),
     ],
