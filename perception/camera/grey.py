@@ -16,13 +16,19 @@ def grey(image: Image) -> Image:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
+def small(image: NDArray[np.uint8]) -> Image:
+    """``image``, reduced by area averaging to at most ``WORKING_WIDTH_PX`` columns (inventory A04, A05)."""
+    if image.shape[1] <= WORKING_WIDTH_PX:
+        return image
+    height_px = max(1, round(image.shape[0] * WORKING_WIDTH_PX / image.shape[1]))
+    return np.asarray(
+        cv2.resize(image, (WORKING_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA), np.uint8
+    )
+
+
 def small_grey(image: NDArray[np.uint8]) -> Image:
-    """Grey image, reduced by area averaging to at most ``WORKING_WIDTH_PX`` columns (inventory A04, A05)."""
-    if image.shape[1] > WORKING_WIDTH_PX:
-        height_px = max(1, round(image.shape[0] * WORKING_WIDTH_PX / image.shape[1]))
-        image = cv2.resize(image, (WORKING_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA).astype(
-            np.uint8
-        )
+    """:func:`small` in grey."""
+    image = small(image)
     if image.ndim == 3 and image.shape[2] >= 3:
         return cv2.cvtColor(image[:, :, :3], cv2.COLOR_BGR2GRAY).astype(np.uint8, copy=False)
     return image.reshape(image.shape[:2])

@@ -1,8 +1,9 @@
 """The sight distance of every frame: the nearest end of the sight, fused over time.
 
-A frame gives a distance with its deviation and what ends it: the air (:mod:`.air`), darkness (:mod:`.dark`) or
-the side of the image, beyond which nothing of the lane is seen. Over time a distance that is shorter by more
-than chance counts at once; other changes follow with a time constant, and growth is limited.
+A frame gives a distance with its deviation and what ends it: the air (:mod:`.air`), darkness (:mod:`.dark`), a
+crest (:mod:`.crest`), a thing that hides the road (:mod:`.hidden`) or the side of the image, beyond which nothing
+of the lane is seen. Over time a distance that is shorter by more than chance counts at once; other changes follow
+with a time constant, and growth is limited.
 """
 
 import math
@@ -11,11 +12,12 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from perception.camera.grey import small_grey
+from perception.camera.grey import small, small_grey
 from perception.lane.view import undistortion_maps
 from perception.sight.air import AirFit, Range, Sky
 from perception.sight.crest import CrestFinder, GroundEnd
 from perception.sight.dark import Lighting, dark_m, lighting, noise_grey
+from perception.sight.hidden import End, HiddenRoad, HiddenWatch
 from perception.sight.path import Path, path_of
 from perception.sight.settings import SightSettings
 from perception.sight.strip import Ground, GroundStrip, light_of
@@ -46,6 +48,7 @@ class _Eye(NamedTuple):
     strip: GroundStrip
     ground_end: GroundEnd
     air: AirFit
+    hidden: HiddenRoad
     maps: tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None  # without lens distortion
 
 
@@ -53,7 +56,8 @@ class _View(NamedTuple):
     """One frame."""
 
     eye: _Eye
-    grey: Image  # small, without lens distortion
+    image: Image  # small, without lens distortion, grey or BGR
+    grey: Image
     light: Floats  # linear, above the ground
     path: Path
     ground: Ground
@@ -63,9 +67,11 @@ class SightObserver:
     """Sight distances with one camera, in the reference world (:mod:`trepid.scale`)."""
 
     def __init__(self, settings: SightSettings, camera: Camera, *, assumed: bool = False) -> None:
-        """``assumed``: the camera is self-calibrated. Its horizon is that of the image, and shows no crest."""
+        """``assumed``: the camera is self-calibrated. Its horizon is that of the image, and gives no distance to a
+        crest or to a thing that hides the road."""
         self._settings, self._camera = settings, camera
         self._crest = None if assumed else CrestFinder(settings.crest, camera.height_m)
+        self._watch = None if assumed else HiddenWatch(settings.hidden)
         self._eyes: dict[tuple[int, ...], _Eye | None] = {}
         self._memory = _Memory(settings)
 
@@ -85,29 +91,38 @@ class SightObserver:
         image, settings = frame.image, self._settings
         if image.dtype != np.uint8 or image.ndim not in (2, 3) or min(image.shape[:2]) < MIN_SIZE_PX:
             return None
-        grey = small_grey(image)
-        eye = self._eye_for(grey)
+        image = small(image)
+        eye = self._eye_for(image)
         if eye is None:
             return None
         if eye.maps is not None:
-            grey = np.asarray(cv2.remap(grey, *eye.maps, cv2.INTER_LINEAR), np.uint8)
+            image = np.asarray(cv2.remap(image, *eye.maps, cv2.INTER_LINEAR), np.uint8)
+        grey = small_grey(image)
         low, high = _range_grey(grey)
         if high - low < settings.least_range_grey:
             return self._black(eye) if high < settings.least_range_grey else None
         path = path_of(estimate, eye.matrix, reach_m=settings.reach_m, known_m=settings.strip.path_known_m)
-        view = _View(eye, grey, light_of(grey[: eye.strip.first_row]), path, eye.strip.look(grey, path))
+        view = _View(
+            eye, image, grey, light_of(grey[: eye.strip.first_row]), path, eye.strip.look(grey, path)
+        )
         sky = eye.air.sky(view.light, path)
         air = self._air(view, sky)
         if air is None:
             return None
         lit = lighting(view.ground, sky)
         lens_m, sure = eye.camera.x_m, estimate is not None and estimate.confidence >= SURE
+        hidden = self._hidden(view, frame.t_s) if sure else None
         beside_m = _beside_m(eye.camera, path, settings.strip.near_m) if sure else math.inf
         ends = (
             (settings.reach_m, settings.reach_sigma, ""),
             (air.range_m + lens_m, air.sigma, Cause.FOG),
             (self._dark_m(view, lit) + lens_m, settings.dark.model_sigma, Cause.DARK),
             (self._crest_m(view, lit, state, frame.t_s) + lens_m, settings.crest.model_sigma, Cause.CREST),
+            (
+                math.inf if hidden is None else hidden.distance_m + lens_m,
+                hidden.sigma if hidden else 0.0,
+                Cause.OCCLUDED,
+            ),
             (beside_m if beside_m <= settings.strip.path_known_m else math.inf, settings.reach_sigma, ""),
         )
         distance_m, sigma, cause = min(ends, key=lambda end: end[0])  # of equal ones the first
@@ -138,6 +153,12 @@ class SightObserver:
         crest_m = self._crest.step(end_m, None if state is None else state.speed_mps, t_s)
         return math.inf if crest_m is None else crest_m
 
+    def _hidden(self, view: _View, t_s: float) -> End | None:
+        """The end of the sight before or behind what hides the lane; None without one."""
+        return (
+            None if self._watch is None else self._watch.step(view.eye.hidden.end(view.image, view.path), t_s)
+        )
+
     def _dark_m(self, view: _View, lit: Lighting) -> float:
         """Distance [m] from the lens at which darkness ends the sight; infinite by day."""
         if lit is Lighting.DAY:
@@ -153,9 +174,9 @@ class SightObserver:
         near_m = self._settings.strip.near_m + eye.camera.x_m
         return Sight(near_m, near_m * self._settings.dark.model_sigma, Cause.DARK)
 
-    def _eye_for(self, grey: Image) -> _Eye | None:
-        """The tables for images like ``grey``; None where they are not of this camera, or show no ground."""
-        size = grey.shape[:2]
+    def _eye_for(self, image: Image) -> _Eye | None:
+        """The tables for images like ``image``; None where they are not of this camera, or show no ground."""
+        size = image.shape[:2]
         if size not in self._eyes:
             self._eyes[size] = self._made_for(*size)
         return self._eyes[size]
@@ -171,7 +192,10 @@ class SightObserver:
         settings = self._settings
         air = AirFit(camera, strip.distance_m, settings.air, reach_m=settings.reach_m)
         ground_end = GroundEnd(camera, settings.crest)
-        return _Eye(camera, camera.pixel_from_road_matrix, strip, ground_end, air, undistortion_maps(camera))
+        hidden = HiddenRoad(camera, settings.hidden)
+        return _Eye(
+            camera, camera.pixel_from_road_matrix, strip, ground_end, air, hidden, undistortion_maps(camera)
+        )
 
 
 class _Memory:

@@ -64,6 +64,28 @@ class CrestSettings(Settings):
     model_sigma: Positive
 
 
+class HiddenSettings(Settings):
+    """Section ``hidden``: things that stand on the ground and hide the road (:mod:`.upright`, :mod:`.hidden`)."""
+
+    near_m: Positive
+    far_m: Positive
+    above_rad: Positive
+    least_step_grey: Positive
+    step_multiple: Positive
+    vehicle_m: tuple[Positive, Positive]  # narrowest and widest thing in the lane
+    lane_error_1pm: NonNegative
+    other_sigmas: Positive
+    beside_sigmas: Positive
+    horizon_step_grey: Positive
+    beside_m: Positive
+    bend_share: Share
+    least_apart: Positive
+    vehicle_sigma: Positive
+    wall_sigma: Positive
+    memory_s: Positive
+    seen_share: Share
+
+
 class GlareSettings(Settings):
     """Section ``glare``: a source of light that veils the image (:mod:`.glare`)."""
 
@@ -85,3 +107,4 @@ class SightSettings(Settings):
     glare: GlareSettings
     dark: DarkSettings
     crest: CrestSettings
+    hidden: HiddenSettings

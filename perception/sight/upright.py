@@ -1,0 +1,80 @@
+"""The sides of things that stand on the ground: vertical edges from the ground up across the horizon.
+
+The ground ends at the horizon of the camera, and whatever lies on it, as paint, shadows and joints, lies below. A
+thing that is taller than the lens is high hides the horizon: each of its sides is an edge that runs, in one column
+of the image, from above the horizon down to its base. The row of the base gives its distance on flat ground.
+"""
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from perception.sight.settings import HiddenSettings
+from trepid.car.camera import Camera
+from trepid.types import Image, Mask
+
+AROUND_RAD = 0.02  # to both sides of the horizon: an edge has its contrast here
+SAMPLE = 2  # every second pixel gives the usual step of the ground
+BREAK_PX = 3  # a gap of one row does not break an edge
+SAME_PX = 2  # columns between two edges that are one
+GRAIN_PX = 3  # rows below the horizon that may still show what is beyond it
+
+
+class Edge(NamedTuple):
+    """A side of a thing."""
+
+    column_px: float
+    base_row_px: float  # in which it meets the ground on which it stands
+
+
+class UprightEdges:
+    """Looks for upright edges in images of one camera."""
+
+    def __init__(self, camera: Camera, settings: HiddenSettings) -> None:
+        self._settings = settings
+        self._horizon = round(camera.horizon_row_px)
+        self._up_px = math.ceil(1.5 * settings.above_rad * camera.fy_px)
+        self._least_up_px = round(settings.above_rad * camera.fy_px)
+        self._around_px = math.ceil(AROUND_RAD * camera.fy_px)
+        self._last = min(
+            self._horizon + math.ceil(camera.height_m * camera.fy_px / settings.near_m), camera.height_px
+        )
+        self._least_base_px = math.ceil(camera.height_m * camera.fy_px / settings.far_m)
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether the image shows enough above and below the horizon."""
+        return self._horizon >= self._up_px and self._last - self._horizon > 2 * self._least_base_px
+
+    def find(self, image: Image) -> list[Edge]:
+        """The edges in ``image`` (BGR), from left to right."""
+        band = image[self._horizon - self._up_px : self._last]
+        difference = cv2.absdiff(band[:, 2:], band[:, :-2])
+        blue, green, red = cv2.split(difference)
+        step = cv2.blur(cv2.max(cv2.max(blue, green), red), (1, BREAK_PX))
+        settings, up = self._settings, self._up_px
+        ground = step[up + GRAIN_PX :: SAMPLE, ::SAMPLE]
+        usual = float(np.partition(ground, ground.size // 2, axis=None)[ground.size // 2])
+        least = max(settings.least_step_grey, settings.step_multiple * usual)
+        steep = cv2.dilate((step >= least).astype(np.uint8), np.ones((1, 3), np.uint8))
+        is_edge = cv2.morphologyEx(steep, cv2.MORPH_CLOSE, np.ones((BREAK_PX, 1), np.uint8)) > 0
+        around = step[up - self._around_px : up + self._around_px].mean(axis=0, dtype=np.float32)
+        down_px = _run(is_edge[up:])
+        stands = (_run(is_edge[:up][::-1]) >= self._least_up_px) & (around >= 0.8 * least)
+        columns = np.flatnonzero(stands & (down_px >= self._least_base_px))
+        if len(columns) == 0:
+            return []
+        edges = []
+        for one in np.split(columns, np.flatnonzero(np.diff(columns) > SAME_PX) + 1):
+            column_px = (
+                float(one @ around[one] / around[one].sum()) + 1.0
+            )  # a difference lacks the first column
+            edges.append(Edge(column_px, self._horizon + float(np.median(down_px[one])) - 0.5))
+        return edges
+
+
+def _run(is_edge: Mask) -> np.ndarray:
+    """Rows from the first one on in which each column is an edge."""
+    return np.where(is_edge.all(axis=0), len(is_edge), np.argmin(is_edge, axis=0))

@@ -1,0 +1,169 @@
+"""Things in the lane and on the inside of a bend, drawn by their geometry, end the sight where they hide it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sight_rig import CAMERA, SETTINGS, arc, bend, misty, with_box, with_trees
+
+from perception.sight.hidden import End, HiddenRoad, HiddenWatch
+from perception.sight.observer import Sight, SightObserver
+from perception.sight.path import Path, path_of
+from trepid.car.camera import Camera
+from trepid.causes import Cause
+from trepid.messages import Frame, SteeringEstimate
+
+PERIOD_S = 0.04
+CLEAR = with_trees(misty(5000.0))
+WALL_M = 2.5  # from the middle of the lane
+
+
+def watched(
+    image: np.ndarray, lane: SteeringEstimate | None, *, assumed: bool = False, frames: int = 15
+) -> Sight:
+    """The sight after some frames that show the same."""
+    observer = SightObserver(SETTINGS, CAMERA, assumed=assumed)
+    for number in range(frames):
+        sight = observer.step(Frame(t_s=number * PERIOD_S, image=image), lane)
+    assert sight is not None
+    return sight
+
+
+def hidden_at_m(radius_m: float, wall_m: float) -> float:
+    """Way along an arc from the rear axle to the first place that a concentric wall on its inside hides."""
+    eye = np.array([CAMERA.x_m, 0.0])
+    centre = np.array([0.0, radius_m])
+    for way_m in np.arange(5.0, 200.0, 0.05):
+        turned = way_m / radius_m
+        place = np.array([radius_m * math.sin(turned), radius_m * (1 - math.cos(turned))])
+        along = (place - eye) / np.linalg.norm(place - eye)
+        nearest = eye + max((centre - eye) @ along, 0.0) * along
+        if np.linalg.norm(nearest - centre) < radius_m - wall_m and (nearest - eye) @ along < np.linalg.norm(
+            place - eye
+        ):
+            return float(way_m)
+    return math.inf
+
+
+@pytest.mark.parametrize("ahead_m", [12.0, 20.0, 30.0, 40.0, 50.0])
+def test_a_lorry_in_the_lane_ends_the_sight_at_its_base(ahead_m: float) -> None:
+    sight = watched(with_box(CLEAR, ahead_m), arc(0.0))
+    assert sight.cause == Cause.OCCLUDED
+    assert sight.distance_m == pytest.approx(ahead_m, rel=0.15)
+    assert abs(sight.distance_m - ahead_m) < 2 * sight.sigma_m
+
+
+@pytest.mark.parametrize("left_m", [-4.5, 4.5])
+def test_a_lorry_in_another_lane_of_a_straight_road_takes_no_sight(left_m: float) -> None:
+    sight = watched(with_box(CLEAR, 25.0, left_m=left_m), arc(0.0))
+    assert sight.distance_m == pytest.approx(SETTINGS.reach_m) and sight.cause == ""
+
+
+@pytest.mark.parametrize("tall_m", [0.1, 0.6, 1.2])
+def test_what_is_lower_than_the_lens_shows_the_road_behind_it(tall_m: float) -> None:
+    sight = watched(with_box(CLEAR, 25.0, tall_m=tall_m), arc(0.0))
+    assert sight.cause == ""
+
+
+@pytest.mark.parametrize("grey", [0.35, 2.0])
+def test_shadows_and_patches_on_the_ground_take_no_sight(grey: float) -> None:
+    """Darker or lighter ground from 15 to 40 m, as wide as a lorry, and from 20 m on."""
+    rows = np.arange(CAMERA.height_px)
+    x_m = CAMERA.road_from_pixel(np.column_stack([np.full(len(rows), CAMERA.cx_px), rows]))[:, 0]
+    for until_m in (40.0, math.inf):
+        image = CLEAR.astype(float)
+        there = (x_m > 15.0) & (x_m < until_m)
+        half_px = np.where(there, 1.3 * CAMERA.fx_px / np.maximum(x_m, 1.0), 0.0)[:, None]
+        inside = np.abs(np.arange(CAMERA.width_px) - CAMERA.cx_px) < half_px
+        image = np.where(inside, image * grey, image)
+        sight = watched(np.clip(image, 0, 255).astype(np.uint8), arc(0.0))
+        assert sight.cause == ""
+
+
+@pytest.mark.parametrize("radius_m", [40.0, 60.0, 90.0, -40.0, -60.0, -90.0])
+def test_a_wall_on_the_inside_of_a_bend_ends_the_sight_where_it_hides_the_lane(radius_m: float) -> None:
+    true_m = hidden_at_m(abs(radius_m), WALL_M)
+    sight = watched(bend(radius_m, wall_m=WALL_M), arc(1 / radius_m))
+    assert sight.cause == Cause.OCCLUDED
+    assert sight.distance_m == pytest.approx(true_m, rel=0.25)
+    assert abs(sight.distance_m - true_m) < 2 * sight.sigma_m
+
+
+@pytest.mark.parametrize("radius_m", [60.0, -90.0])
+def test_the_same_bend_without_a_wall_is_seen_farther(radius_m: float) -> None:
+    assert watched(bend(radius_m, wall_m=None), arc(1 / radius_m)).cause != Cause.OCCLUDED
+
+
+@pytest.mark.parametrize("radius_m", [60.0, -90.0])
+def test_a_wall_on_the_outside_of_a_bend_hides_nothing(radius_m: float) -> None:
+    assert watched(bend(radius_m, wall_m=-8.0), arc(1 / radius_m)).cause != Cause.OCCLUDED
+
+
+@given(st.floats(10.0, 50.0), st.floats(-0.8, 0.8))
+def test_the_mirror_image_has_the_same_end(ahead_m: float, left_m: float) -> None:
+    finder = HiddenRoad(CAMERA.model_copy(update={"cx_px": 159.5}), SETTINGS.hidden)
+    image = with_box(CLEAR, ahead_m, left_m=left_m)
+    plain, mirrored = (finder.end(np.ascontiguousarray(one), path(None)) for one in (image, image[:, ::-1]))
+    assert (plain is None) == (mirrored is None)
+    if plain is not None and mirrored is not None:
+        assert mirrored.distance_m == pytest.approx(plain.distance_m, rel=0.1)
+
+
+def test_colour_shows_a_lorry_of_the_brightness_of_the_road() -> None:
+    box = with_box(np.repeat(CLEAR[:, :, None], 3, axis=2), 25.0, colour=(150, 40, 130))
+    assert watched(box, arc(0.0)).cause == Cause.OCCLUDED
+
+
+def test_without_a_sure_lane_or_a_known_horizon_nothing_is_hidden() -> None:
+    image = with_box(CLEAR, 25.0)
+    assert watched(image, None).cause == ""
+    assert watched(image, arc(0.0, confidence=0.2)).cause == ""
+    assert watched(image, arc(0.0), assumed=True).cause == ""
+
+
+@given(st.sampled_from([math.nan, math.inf, -math.inf, None, 0.0, 1e6, -1e6]))
+def test_no_broken_lane_breaks_the_search(value: float | None) -> None:
+    for field in ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "curvature_rate_1pm2"):
+        sight = watched(with_box(CLEAR, 25.0), replace(arc(0.0), **{field: value}), frames=12)
+        assert math.isfinite(sight.distance_m) and sight.distance_m > 0.0
+
+
+def test_images_of_another_size_have_the_same_end() -> None:
+    small = CAMERA.resized(160, 120)
+    image = with_box(with_trees(misty(5000.0, camera=small), camera=small), 15.0, colour=200, camera=small)
+    found = HiddenRoad(small, SETTINGS.hidden).end(image, path(None, small))
+    assert found is not None and found.distance_m + CAMERA.x_m == pytest.approx(15.0, rel=0.2)
+
+
+def path(lane: SteeringEstimate | None, camera: Camera = CAMERA) -> Path:
+    return path_of(lane, camera.pixel_from_road_matrix, reach_m=300.0, known_m=30.0)
+
+
+def last(ends: list[End | None], *, period_s: float = PERIOD_S) -> End | None:
+    watch = HiddenWatch(SETTINGS.hidden)
+    found = None
+    for number, end in enumerate(ends):
+        found = watch.step(end, number * period_s)
+    return found
+
+
+def test_most_frames_decide() -> None:
+    end, other = End(30.0, 0.1), End(60.0, 0.1)
+    assert last([end] * 12) == end
+    assert last([end, end, None, end, end] * 3) == end
+    assert last([None, end] * 8) is None
+    assert last([*[end] * 10, other]) == end
+
+
+def test_a_single_frame_and_frames_after_a_pause_decide_nothing() -> None:
+    end = End(30.0, 0.1)
+    assert last([end]) is None
+    assert last([end] * 3) is None
+    watch = HiddenWatch(SETTINGS.hidden)
+    for number in range(12):
+        watch.step(end, number * PERIOD_S)
+    assert watch.step(end, 5.0) is None
+    assert watch.step(end, 1.0) is None
