@@ -12,9 +12,10 @@ so that ρ falls from 1 to ½ as the car comes near, and is 0 on the crest, wher
 
     x = D / max(ρ, ½)
 
-is the sight. Where only l metres of the arc remain and the road falls evenly behind it, all of it is seen as
-soon as l < √(2·R·h). The row is then that of its vanishing point, D = h·R/l grows with the way, and ρ ≤ -½: no
-crest.
+is the sight. Far away a row is too coarse to give ρ in a second of driving: what is measured is weighed with the
+ρ that is usual before a crest. Where only l metres of the arc remain and the road falls evenly behind it, all of
+it is seen as soon as l < √(2·R·h). The row is then that of its vanishing point, D = h·R/l grows with the way, and
+ρ ≤ -½: no crest. Neither is an edge beyond which road and verges look as before it.
 """
 
 import math
@@ -36,6 +37,7 @@ BESIDE_M, ROAD_M = (
 LEAST_PX = 6  # columns of a part
 DARKEST = 0.002  # linear light: a tenth of the grey scale
 LOG_LIGHT = np.log(np.maximum((np.arange(256) / 255) ** 2, DARKEST)).astype(np.float32)
+BEFORE_PX = 8  # rows before an edge that show the ground there
 EDGE_PX = 3  # rows over which the steps of one edge are spread
 ABOVE_PX, STEPS_PX = 3, 2  # rows above the horizon that are looked at; rows on each side of a step
 TEXTURE_PX = (
@@ -87,7 +89,7 @@ class GroundEnd:
         inner = slice(STEPS_PX, -STEPS_PX)
         steps[:, inner] = (light[:, :-4] + light[:, 1:-3] - light[:, 3:-1] - light[:, 4:]) / 2
         size = np.abs(steps)
-        texture = [row[~np.isnan(row)] for row in size[:, self._is_texture]]
+        texture = [row[~np.isnan(row)] for row in size[:, self._drop_px > EDGE_PX]]
         if not all(map(len, texture)):
             return None
         usual = SIGMA_OF_MEDIAN * np.array(
@@ -98,11 +100,23 @@ class GroundEnd:
         if len(found) == 0:
             return None
         rows = found[found > found[-1] - EDGE_PX]  # of the lowest edge; trees and sky step above it
+        if self._goes_on(light, int(rows[0]), int(rows[-1])):
+            return None
         weight = size[:, rows].mean(axis=0)
         drop_px = float(weight @ self._drop_px[rows] / weight.sum())
         below = math.atan((camera.horizon_row_px + drop_px - camera.cy_px) / camera.fy_px)
         dip_rad = camera.pitch_down_rad + below
         return camera.height_m / math.tan(dip_rad) if dip_rad >= settings.least_dip_rad else None
+
+    def _goes_on(self, light: Array, first: int, last: int) -> bool:
+        """Whether ground and road look beyond an edge, between these rows, as they do before it.
+
+        So they do beyond a shadow or a crossing road.
+        """
+        before = np.median(light[:, last + STEPS_PX + 1 : last + STEPS_PX + 1 + BEFORE_PX], axis=1)
+        beyond = light[:, (self._drop_px > 1) & (np.arange(len(self._rows)) < first - STEPS_PX)]
+        alike = np.abs(beyond - before[:, None]) < self._settings.least_step
+        return bool(alike.all(axis=0).any())
 
     def _light(self, grey: Image, path: Path) -> Array:
         """Mean logarithm of the light left of the lane, on it and right of it, (3, rows); NaN: not in the image."""
@@ -162,7 +176,9 @@ class CrestFinder:
         return None if closing is None else newest.ahead_m / min(max(closing, 0.5), 1.0)
 
     def _closing(self) -> float | None:
-        """ρ, where it is that of a crest: smaller than that of ground by more than chance; None elsewhere.
+        """ρ, where it is rather that of a crest than that of ground; None elsewhere.
+
+        It is the mean of what was measured and what is usual before a crest, by their weights.
 
         Theil-Sen's slope (Sen, JASA 63, 1968) between the older and the newer half: single wrong rows do not count.
         """
@@ -174,8 +190,10 @@ class CrestFinder:
         way_m = float(np.median([b.way_m - a.way_m for a, b in pairs]))
         nearer = np.array([(a.ahead_m - b.ahead_m) / (b.way_m - a.way_m) for a, b in pairs])
         closing = float(np.median(nearer))
-        farthest_m = max(end.ahead_m for end in ends)
-        apart_m = self._settings.row_sigma_rad * farthest_m**2 / self._height_m  # dD = D²/h·dα
-        if closing + apart_m / way_m >= self._settings.most_closing or closing < self._settings.least_closing:
+        usual_m = float(np.median([end.ahead_m for end in ends]))
+        apart_m = self._settings.row_sigma_rad * usual_m**2 / self._height_m  # dD = D²/h·dα
+        settings = self._settings
+        if not settings.least_closing <= closing < settings.most_closing:
             return None
-        return closing
+        weight = settings.closing_sigma**2 / (settings.closing_sigma**2 + (apart_m / way_m) ** 2)
+        return settings.usual_closing + weight * (closing - settings.usual_closing)

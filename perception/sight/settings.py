@@ -60,6 +60,8 @@ class CrestSettings(Settings):
     seen_share: Share
     least_closing: float
     most_closing: OpenShare
+    usual_closing: OpenShare
+    closing_sigma: Positive
     row_sigma_rad: Positive
     model_sigma: Positive
 
