@@ -18,6 +18,9 @@ from trepid.config import InputError
 TOLERANCE_M = 1e-4  # a tenth of the error allowed between export and import
 MIN_SPAN_M = 0.02
 MAX_RAMP_M = 1.0
+RAMP_BULGE = (
+    0.2  # of a ramp that begins at an angle to the curve: a cubic is 4/27 of angle times length off it
+)
 CHECKS = 9  # places within a span where the fit is compared with the curve
 SAME_CURVATURE_1PM = 1e-10
 SAME_PLACE_M, SAME_HEADING_RAD = 1e-7, 1e-9
@@ -98,13 +101,20 @@ def _same(a: Knot, b: Knot) -> bool:
 
 
 def _ramp(span: Span, knot: Knot, *, forward: bool) -> tuple[float, list[Segment]]:
-    """The place on the curve where a ramp from (or to) ``knot`` meets it, and the ramp."""
+    """The place on the curve where a ramp from (or to) ``knot`` meets it, and the ramp.
+
+    Where ``knot`` is off the curve, as in the middle of a gap of the file, the ramp may be so far off it, too.
+    """
+    edge = span.at(span.start if forward else span.end)
+    off_m = math.hypot(knot.x_m - edge.x_m, knot.y_m - edge.y_m)
+    turn_rad = abs(math.remainder(knot.heading_rad - edge.heading_rad, math.tau))
     run = min(MAX_RAMP_M, (span.end - span.start) / 3)
     while run >= MIN_SPAN_M / 4:
         place = span.start + run if forward else span.end - run
         here, there = (span.start, place) if forward else (place, span.end)
         ends = (knot, span.at(place)) if forward else (span.at(place), knot)
-        if segments := _three(span, here, there, *ends):
+        allowed_m = TOLERANCE_M + off_m + RAMP_BULGE * turn_rad * run
+        if segments := _three(span, here, there, *ends, tolerance_m=allowed_m):
             return place, segments
         run /= 2
     raise NoFit(span)
@@ -124,7 +134,9 @@ def _between(span: Span, start: float, end: float) -> list[Segment]:
     return _between(span, start, middle) + _between(span, middle, end)
 
 
-def _three(span: Span, start: float, end: float, a: Knot, b: Knot) -> list[Segment] | None:
+def _three(
+    span: Span, start: float, end: float, a: Knot, b: Knot, *, tolerance_m: float = TOLERANCE_M
+) -> list[Segment] | None:
     """Three clothoids from ``a`` to ``b``; None if they are a detour or leave the curve between start and end."""
     try:
         import pyclothoids
@@ -142,7 +154,7 @@ def _three(span: Span, start: float, end: float, a: Knot, b: Knot) -> list[Segme
     segments = [clothoid(piece.length, piece.KappaStart, piece.KappaEnd) for piece in pieces]
     for i in range(1, CHECKS + 1):
         check = span.at(start + (end - start) * i / (CHECKS + 1))
-        if min(piece.Distance(check.x_m, check.y_m) for piece in pieces) >= TOLERANCE_M:
+        if min(piece.Distance(check.x_m, check.y_m) for piece in pieces) >= tolerance_m:
             return None
     return segments
 

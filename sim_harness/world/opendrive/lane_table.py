@@ -22,6 +22,7 @@ STROKES = {name: stroke for stroke, name in STROKE_NAMES.items()} | {
     **dict.fromkeys(("curb", "grass", "edge"), Stroke.NONE),
 }
 MAX_DASH_M = 100.0
+ROUNDING_M = 1e-3  # of stations and widths in files written with few digits
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ def records(elements: Sequence[Element], place: str, origin_m: float = 0.0) -> l
         for e in elements
     ]
     for here, there in pairwise(found):
-        if there.start_m < here.start_m:
+        if there.start_m < here.start_m - ROUNDING_M:
             least_m = here.start_m - origin_m
             raise there.element.error(f"{place} runs backwards: expected at least {least_m:g}")
     return found
@@ -57,14 +58,31 @@ def active(found: Sequence[Record], s: float) -> Record | None:
 
 
 class LaneSection:
-    """One <laneSection>: its lanes by id, 0 being the line between left and right."""
+    """One <laneSection>: its lanes by id, 0 being the line between left and right.
 
-    def __init__(self, element: Element) -> None:
+    A section of a single side (``singleSide="true"``) leaves the other side as it was before: its lanes are those
+    of ``before``, with their widths and markings from there.
+    """
+
+    def __init__(self, element: Element, before: "LaneSection | None" = None) -> None:
         """Raises InputError when a lane id between 0 and another one is missing."""
         self.element = element
         self.start_m = element.number("s")
-        groups = ("left", "center", "right")
-        self.lanes = {lane.integer("id"): lane for group in groups for lane in element.all(f"{group}/lane")}
+        self.lanes: dict[int, Element] = {}
+        self._widths: dict[int, list[Record]] = {}
+        self.origins_m: dict[int, float] = {}  # of the sOffsets of a lane: the start of its own section
+        own = {
+            group: [(lane.integer("id"), lane) for lane in element.all(f"{group}/lane")]
+            for group in ("left", "center", "right")
+        }
+        single = element.attributes.get("singleSide", "false") in ("true", "1") and before is not None
+        self.kept_sides = {side for side, group in ((1, "left"), (-1, "right")) if single and not own[group]}
+        if before is not None:
+            for lane_id, lane in before.lanes.items():
+                if _sign(lane_id) in self.kept_sides:
+                    self.lanes[lane_id], self.origins_m[lane_id] = lane, before.origins_m[lane_id]
+        for lane_id, lane in (pair for pairs in own.values() for pair in pairs):
+            self.lanes[lane_id], self.origins_m[lane_id] = lane, self.start_m
         for lane_id, lane in self.lanes.items():
             inner = lane_id - _sign(lane_id)
             if lane_id and inner and inner not in self.lanes:
@@ -74,16 +92,36 @@ class LaneSection:
         """The type of a lane; "none" where there is no such lane."""
         return self.lanes[lane_id].text("type") if lane_id in self.lanes else "none"
 
+    def link(self, lane_id: int, which: str) -> int | None:
+        """The id of the linked "predecessor" or "successor" of a lane; None without a link."""
+        found = self.lanes[lane_id].first(f"link/{which}")
+        return found.integer("id") if found else None
+
     def widths(self, lane_id: int) -> list[Record]:
         """The width of a lane. Raises InputError when it is not given as <width>."""
-        lane = self.lanes[lane_id]
-        found = records(lane.all("width"), "sOffset", self.start_m)
-        if not found or found[0].start_m > self.start_m:
+        if lane_id not in self._widths:
+            self._widths[lane_id] = self._read_widths(lane_id)
+        return self._widths[lane_id]
+
+    def _read_widths(self, lane_id: int) -> list[Record]:
+        lane, origin_m = self.lanes[lane_id], self.origins_m[lane_id]
+        found = records(lane.all("width"), "sOffset", origin_m)
+        if not found or found[0].start_m > origin_m + ROUNDING_M:
             raise lane.error("expected a <width> from its start on (lane borders are not read)")
         return found
 
     def width_at(self, lane_id: int, s: float, near: float) -> float:
-        """Width [m] at ``s`` by the record that holds at ``near``."""
+        """Width [m] at ``s`` by the record that holds at ``near``; 0 where it is negative."""
+        return max(self._polynomial_at(lane_id, s, near), 0.0)
+
+    def check_width(self, lane_id: int, s: float) -> None:
+        """Raise InputError where a lane is narrower than nothing by more than ROUNDING_M."""
+        width_m = self._polynomial_at(lane_id, s, s)
+        if width_m < -ROUNDING_M:
+            lane = self.lanes[lane_id]
+            raise lane.error(f"its width is {width_m:.4g} m at s = {s:g} m: expected at least 0")
+
+    def _polynomial_at(self, lane_id: int, s: float, near: float) -> float:
         records_here = self.widths(lane_id)  # the first of them holds from the start of the section on
         return (active(records_here, near) or records_here[0]).at(s)
 
@@ -106,14 +144,47 @@ class LaneSection:
         owner = lane_id if _sign(lane_id) == side else lane_id - _sign(lane_id)
         lane = self.lanes.get(owner)
         marks = lane.all("roadMark") if lane else []
-        here = [mark for mark in marks if self.start_m + mark.number("sOffset") <= near]
+        origin_m = self.origins_m[owner] if lane else self.start_m
+        here = [mark for mark in marks if origin_m + mark.number("sOffset") <= near]
         return _marking(here[-1], outwards_is_left=owner > 0) if here else Marking(stroke=Stroke.NONE)
 
     def breaks_m(self) -> Iterator[float]:
         """Stations at which a width or a marking changes."""
-        for lane in self.lanes.values():
+        for lane_id, lane in self.lanes.items():
             for element in (*lane.all("width"), *lane.all("roadMark")):
-                yield self.start_m + element.number("sOffset")
+                yield self.origins_m[lane_id] + element.number("sOffset")
+
+
+def successor(here: LaneSection, there: LaneSection, lane: int) -> int | None:
+    """The id in ``there`` of the lane ``lane`` of ``here``; None where it ends.
+
+    That is the linked one, by either end of the link; without any link of both, the lane of the same id.
+    """
+    if _sign(lane) in there.kept_sides:
+        return lane
+    linked = here.link(lane, "successor")
+    if linked is not None:
+        return linked
+    back = [n for n in there.lanes if n * lane > 0 and there.link(n, "predecessor") == lane]
+    if back:
+        return back[0]
+    same = lane in there.lanes and there.link(lane, "predecessor") is None
+    taken = any(here.link(n, "successor") == lane for n in here.lanes if n * lane > 0)
+    return lane if same and not taken else None
+
+
+def threads(sections: Sequence[LaneSection]) -> list[dict[int, int]]:
+    """For each section, the number of each lane; a lane that continues has the same number in the next section."""
+    fresh = count()
+    found = [{lane: next(fresh) for lane in sections[0].lanes}]
+    for here, there in pairwise(sections):
+        numbers: dict[int, int] = {}
+        for lane, number in found[-1].items():
+            following = successor(here, there, lane) if lane else 0
+            if following is not None and following in there.lanes and following not in numbers:
+                numbers[following] = number
+        found.append({lane: numbers[lane] if lane in numbers else next(fresh) for lane in there.lanes})
+    return found
 
 
 def _sign(number: int) -> int:

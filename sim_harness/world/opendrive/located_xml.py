@@ -41,12 +41,28 @@ class Element:
         return dict(self.node.attrib)
 
     def error(self, message: str) -> InputError:
-        """``message`` with the place of this element."""
+        """``message`` with the place of this element, in the file and in the road."""
         number = next(n for n, node in enumerate(self.node.getroottree().iter("*")) if node is self.node)
         starts = [m.start() for m in _START_TAG.finditer(self.text_of_file) if m.group() == "<"]
         before = self.text_of_file[: starts[number]]
         line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        return InputError(f"{self.source}:{line}:{column}: <{self.tag}>: {message}")
+        whose = self._whose()
+        place = f"{self.source}:{line}:{column}: <{self.tag}>"
+        return InputError(f"{place}{f' of {whose}' if whose else ''}: {message}")
+
+    def _whose(self) -> str:
+        """The road, the lane and the station of this element; "" outside a road."""
+        chain = [self.node, *self.node.iterancestors()]
+        known = {str(etree.QName(node).localname): node for node in reversed(chain)}
+        parts = [
+            f"{tag} {known[tag].get('id')}"
+            for tag in ("road", "lane")
+            if tag in known and known[tag].get("id")
+        ]
+        for tag in ("geometry", "laneSection", "laneOffset"):
+            if tag in known and known[tag].get("s"):
+                parts.append(f"s = {known[tag].get('s')} m")
+        return ", ".join(parts)
 
     def all(self, path: str) -> list["Element"]:
         """The elements at ``path`` ("lanes/laneSection", "*") below this one, in the order of the file."""

@@ -5,8 +5,7 @@ curvature [1/m] at the length ``s`` [m] from its start, and continues smoothly b
 """
 
 import math
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 
 from numpy.polynomial import Polynomial
 
@@ -18,6 +17,8 @@ PARAMETER_STEPS = 6
 MAX_LENGTH_M = 1e5  # of one geometry
 MAX_CURVATURE_1PM = 1.0
 JOINT_M, JOINT_RAD = 0.01, 0.01  # gaps of files written with few digits
+SLIVER_M = 0.02  # a shorter piece, from rounding or from an editor, belongs to its neighbours
+SLIVER_TURN_RAD = 0.05  # by slivers between two pieces
 SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 
 Pose = tuple[float, float, float]  # x, y [m], heading [rad]
@@ -45,6 +46,9 @@ class Clothoid:
     def curvature(self, s: float) -> float:
         return self.curvature_1pm + self.rate_1pm2 * s
 
+    def speed(self, s: float) -> float:
+        return 1.0
+
     def _heading(self, s: float) -> float:
         return s * (self.curvature_1pm + 0.5 * self.rate_1pm2 * s)
 
@@ -68,6 +72,10 @@ class Cubic:
         u1, v1 = float(self.u.deriv()(p)), float(self.v.deriv()(p))
         u2, v2 = float(self.u.deriv(2)(p)), float(self.v.deriv(2)(p))
         return (u1 * v2 - v1 * u2) / math.hypot(u1, v1) ** 3
+
+    def speed(self, s: float) -> float:
+        """Way per ``s``: 1 but for a curve whose parameter is not its length, as tools write them."""
+        return 1.0 if self.scale is None else self.scale / self._slowness(self._parameter(s))
 
     def _parameter(self, s: float) -> float:
         """Runge-Kutta of order 4 on dp/ds = 1/|(u', v')|."""
@@ -109,28 +117,58 @@ class Piece:
         """Curvature [1/m] at the road's station ``s``."""
         return self.shape.curvature(s - self.start_m)
 
+    def speed(self, s: float) -> float:
+        """Way of the reference line per station at ``s``."""
+        return self.shape.speed(s - self.start_m)
+
 
 def plan_view(road: Element) -> list[Piece]:
-    """The pieces of the reference line of ``road``, in order. Raises InputError."""
-    pieces = [_piece(element) for element in road.need("planView").all("geometry")]
-    if not pieces:
+    """The pieces of the reference line of ``road``, in order; slivers are left to their neighbours.
+
+    Raises InputError.
+    """
+    elements = road.need("planView").all("geometry")
+    if not elements:
         raise road.need("planView").error("expected at least one <geometry>")
-    for here, there in pairwise(pieces):
-        end_m, joint = here.start_m + here.length_m, "the end of the previous geometry"
-        if abs(there.start_m - end_m) > JOINT_M:
-            raise there.element.error(f"s={there.start_m:g}: expected {end_m:g}, {joint}")
-        x, y, heading = here.pose(end_m)
-        gap_m = math.hypot(there.origin[0] - x, there.origin[1] - y)
-        turn_rad = abs(math.remainder(there.origin[2] - heading, math.tau))
-        if gap_m > JOINT_M or turn_rad > JOINT_RAD:
-            raise there.element.error(f"starts {gap_m:.3f} m and {turn_rad:.3f} rad off {joint}")
+    lengths_m = [_length_m(element) for element in elements]
+    if not max(lengths_m) > 0.0:
+        raise elements[0].error("length=0: expected more than 0 m")
+    long = [length_m >= min(SLIVER_M, max(lengths_m)) for length_m in lengths_m]
+    pieces: list[Piece] = []
+    bridged_m = 0.0  # by the slivers since the last piece
+    for element, length_m, is_long in zip(elements, lengths_m, long, strict=True):
+        if not is_long:
+            bridged_m += length_m
+            continue
+        piece = _piece(element, length_m)
+        if pieces:
+            _check_joint(pieces[-1], piece, bridged_m)
+        pieces.append(piece)
+        bridged_m = 0.0
+    pieces[-1] = replace(pieces[-1], length_m=pieces[-1].length_m + bridged_m)
     return pieces
 
 
-def _piece(element: Element) -> Piece:
+def _check_joint(here: Piece, there: Piece, bridged_m: float) -> None:
+    """Raise InputError where ``there`` does not begin at the end of ``here``, or of the slivers behind it."""
+    end_m, joint = here.start_m + here.length_m, "the end of the previous geometry"
+    if abs(there.start_m - end_m) > JOINT_M + bridged_m:
+        raise there.element.error(f"s={there.start_m:g}: expected {end_m:g}, {joint}")
+    x, y, heading = here.pose(end_m)
+    gap_m = math.hypot(there.origin[0] - x, there.origin[1] - y)
+    turn_rad = abs(math.remainder(there.origin[2] - heading, math.tau))
+    if gap_m > JOINT_M + bridged_m or turn_rad > (SLIVER_TURN_RAD if bridged_m else JOINT_RAD):
+        raise there.element.error(f"starts {gap_m:.3f} m and {turn_rad:.3f} rad off {joint}")
+
+
+def _length_m(element: Element) -> float:
     length_m = element.number("length", max_magnitude=MAX_LENGTH_M)
-    if length_m <= 0.0:
-        raise element.error(f"length={length_m:g}: expected more than 0 m")
+    if length_m < 0.0:
+        raise element.error(f"length={length_m:g}: expected more than 0 m")  # 0 is a sliver
+    return length_m
+
+
+def _piece(element: Element, length_m: float) -> Piece:
     origin = element.number("x"), element.number("y"), element.number("hdg")
     shapes = [child for child in element.all("*") if child.tag not in ("userData", "include", "dataQuality")]
     if len(shapes) != 1 or shapes[0].tag not in SHAPES:

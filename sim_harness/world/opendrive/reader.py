@@ -2,7 +2,9 @@
 
 The lane's centre becomes the reference line, in the driving direction of the lane. Where the centre lies on the
 reference line of the file, the geometry is copied; elsewhere, and along polynomials, clothoids are fitted within
-0.1 mm (clothoid_fit). Lane widths are linear along a section of Trepid: cubic ones are cut into stretches that are
+0.1 mm (clothoid_fit). Pieces below 2 cm, from rounding or from an editor, belong to their neighbours, and
+differences below a millimetre are none. Lanes follow their <link>. Where a lane ends, or is narrower than a lane,
+the road ends. Lane widths are linear along a section of Trepid: cubic ones are cut into stretches that are
 linear within 1 cm. Elevation, superelevation, objects and signals are left out and listed in the notes; junctions
 are ignored.
 
@@ -10,7 +12,7 @@ ASAM OpenDRIVE 1.7.0; the elements that are read are the same in versions 1.4 to
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,12 +20,14 @@ import numpy as np
 from pydantic import ValidationError
 
 from sim_harness.world.opendrive.clothoid_fit import Knot, NoFit, Span, clothoid, fit
+from sim_harness.world.opendrive.kept_lane import KeptLane
 from sim_harness.world.opendrive.lane_table import DRIVEN, PAVED, LaneSection, Record, active, records
 from sim_harness.world.opendrive.located_xml import Element, read_xml
-from sim_harness.world.opendrive.plan_view import Clothoid, Piece, plan_view
+from sim_harness.world.opendrive.plan_view import MAX_CURVATURE_1PM, SLIVER_M, Clothoid, Piece, plan_view
 from sim_harness.world.opendrive.sections import CrossSection, Profile, Strip, mirrored, sections, user_data
 from sim_harness.world.roads.appearance import Section
 from sim_harness.world.roads.road import CLOSED_WITHIN_M, CLOSED_WITHIN_RAD, Road, RoadSettings, Segment
+from trepid.config import InputError
 
 SAME_STATION_M = 1e-6
 HEADING_STEP_M = 1e-4  # of the central difference that gives the curvature of a lane of varying offset
@@ -45,19 +49,27 @@ class Imported:
 def read_opendrive(path: Path, *, road: str | None = None, lane: int | None = None) -> Imported:
     """The lane ``lane`` of the road with the id ``road`` in the file ``path``.
 
-    Defaults: the first road, and its innermost driving lane along the reference line. Raises InputError with
-    file:line:column.
+    Defaults: the first road with a driving lane, and its innermost driving lane along the reference line. Other
+    roads are not judged. Raises InputError with file:line:column.
     """
     root = read_xml(path)
     if root.tag != "OpenDRIVE":
         raise root.error("expected <OpenDRIVE> as the outermost element")
     roads = root.all("road")
-    ids = [element.text("id") for element in roads]
+    ids = [element.attributes.get("id", "") for element in roads]
     if not roads:
         raise root.error("expected at least one <road>")
     if road is not None and road not in ids:
         raise root.error(f"no road has the id {road!r}; there are {', '.join(ids[:20])}")
-    return _Reader(roads[0 if road is None else ids.index(road)], lane).imported()
+    chosen = next(filter(_is_driven, roads), roads[0]) if road is None else roads[ids.index(road)]
+    return _Reader(chosen, lane).imported()
+
+
+def _is_driven(road: Element) -> bool:
+    """Whether the first lane section of ``road`` has a driving lane."""
+    first = road.first("lanes/laneSection")
+    lanes = () if first is None else (*first.all("left/lane"), *first.all("right/lane"))
+    return any(lane.attributes.get("type") in DRIVEN for lane in lanes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +80,7 @@ class _Stretch:
     end_m: float
     piece: Piece
     section: LaneSection
+    threads: dict[int, int]  # lane of the section -> number of the lane through all sections
     lane: int
     offset: Record | None
 
@@ -91,7 +104,7 @@ class _Stretch:
             )
 
     def knot(self, s: float) -> Knot:
-        """The centre of the lane at ``s``: c + o·n, its heading θ + atan2(o', 1 - κ·o)."""
+        """The centre of the lane at ``s``: c + o·n, heading θ + atan2(o', v·(1 - κ·o)), v the way per s."""
         x, y, heading = self.piece.pose(s)
         offset_m = self.centre_m(s)
         x, y = x - offset_m * math.sin(heading), y + offset_m * math.cos(heading)
@@ -121,15 +134,19 @@ class _Stretch:
 
     def _slant(self, s: float) -> float:
         """Heading of the lane's centre relative to the reference line."""
-        return math.atan2(self._slope(s), 1.0 - self.piece.curvature(s) * self.centre_m(s))
+        return math.atan2(self._slope(s), self._along(s))
+
+    def _along(self, s: float) -> float:
+        """Way of the lane's centre along the reference line, per station."""
+        return self.piece.speed(s) * (1.0 - self.piece.curvature(s) * self.centre_m(s))
 
     def _curvature(self, s: float) -> float:
         curvature, offset_m = self.piece.curvature(s), self.centre_m(s)
         if self.is_constant():
             return curvature / (1.0 - curvature * offset_m)
         h = HEADING_STEP_M
-        turn = curvature + (self._slant(s + h) - self._slant(s - h)) / (2 * h)
-        return turn / math.hypot(self._slope(s), 1.0 - curvature * offset_m)
+        turn = curvature * self.piece.speed(s) + (self._slant(s + h) - self._slant(s - h)) / (2 * h)
+        return turn / math.hypot(self._slope(s), self._along(s))
 
 
 class _Reader:
@@ -139,19 +156,13 @@ class _Reader:
         self._road = road
         self._pieces = plan_view(road)
         self._length_m = self._pieces[-1].start_m + self._pieces[-1].length_m
-        self._sections = [LaneSection(element) for element in road.need("lanes").all("laneSection")]
-        if not self._sections:
-            raise road.need("lanes").error("expected at least one <laneSection>")
-        for section, min_m in zip(self._sections, [0.0, *(s.start_m for s in self._sections)], strict=False):
-            if section.start_m < min_m or (section is self._sections[0] and section.start_m > 0.0):
-                raise section.element.error(f"s={section.start_m:g}: expected rising s from 0 on")
         self._offsets = records(road.all("lanes/laneOffset"), "s")
         rule = road.attributes.get("rule", "RHT")
         if rule not in ("RHT", "LHT"):
             raise road.error(f"rule={rule!r}: expected RHT or LHT")
-        self._forward_sign = -1 if rule == "RHT" else 1
-        self._lanes = self._followed(self._first_lane(lane))
-        self._backward = self._lanes[0] * self._forward_sign < 0
+        forward_sign = -1 if rule == "RHT" else 1
+        self._lane = KeptLane(road, self._length_m, lane=lane, forward_sign=forward_sign)
+        self._backward = self._lane.ids[0] * forward_sign < 0
 
     def imported(self) -> Imported:
         stretches = self._stretches()
@@ -160,9 +171,7 @@ class _Reader:
         try:
             fitted = fit(spans, closed=closed)
         except NoFit as error:
-            piece = next(p for p in reversed(self._pieces) if p.start_m <= error.span.start + SAME_STATION_M)
-            place = f"between s = {error.span.start:g} and {error.span.end:g} m"
-            raise piece.element.error(f"{error} {place}") from error
+            raise self._unfitted(error.span, spans, str(error)) from error
         lanes = [self._cross_section(stretch) for stretch in stretches]
         elements = [stretch.section.element for stretch in stretches]
         if self._backward:
@@ -170,43 +179,38 @@ class _Reader:
             lanes, elements = [mirrored(profile) for profile in reversed(lanes)], elements[::-1]
         lengths_m = [math.fsum(segment.length_m for segment in segments) for segments in fitted]
         starts_m = [math.fsum(lengths_m[:number]) for number in range(len(fitted))]
-        profiles = [Profile(*parts) for parts in zip(elements, starts_m, lengths_m, lanes, strict=True)]
+        stations_m = [stretch.end_m if self._backward else stretch.start_m for stretch in stretches]
+        parts = (stations_m[::-1] if self._backward else stations_m, starts_m, lengths_m, lanes)
+        profiles = [Profile(*each) for each in zip(elements, *parts, strict=True)]
         return Imported(self._settings(profiles, fitted, closed=closed), self._notes())
 
-    def _first_lane(self, lane: int | None) -> int:
-        """The id of the chosen lane in the first lane section."""
-        section = self._sections[0]
-        driving = sorted((n for n in section.lanes if n and section.kind(n) in DRIVEN), key=abs)
-        if not driving:
-            raise section.element.error("expected a lane of type driving")
-        if lane is None:
-            ahead = [n for n in driving if n * self._forward_sign > 0]
-            return (ahead or driving)[0]
-        if lane not in driving:
-            raise section.element.error(f"no driving lane {lane}; there are {', '.join(map(str, driving))}")
-        return lane
-
-    def _followed(self, lane: int) -> list[int]:
-        """The id of the lane in every section: the linked successor, or the same id without a link."""
-        lanes = [lane]
-        for here, there in pairwise(self._sections):
-            link = here.lanes[lanes[-1]].first("link/successor")
-            following = link.integer("id") if link else lanes[-1]
-            if following not in there.lanes or following * lane <= 0:
-                raise there.element.error(f"lane {lanes[-1]} ends here: expected a lane {following}")
-            lanes.append(following)
-        return lanes
+    def _unfitted(self, span: Span, spans: list[Span], what: str) -> InputError:
+        """The refusal of a curve that no road follows, with its reason."""
+        bends = ((abs(each.at(s).curvature_1pm), s, each) for each in spans for s in _places(each))
+        sharpest_1pm, station_m, bent = max(bends, key=lambda bend: bend[0])
+        if sharpest_1pm > MAX_CURVATURE_1PM:
+            radius_m, least_m = 1 / sharpest_1pm, 1 / MAX_CURVATURE_1PM
+            what, span = f"the lane bends with R = {radius_m:.2g} m, and no road below {least_m:g} m", bent
+        else:
+            station_m = span.start
+        piece = next(
+            (p for p in reversed(self._pieces) if p.start_m <= station_m + SAME_STATION_M), self._pieces[0]
+        )
+        place = f"between s = {span.start:g} and {span.end:g} m"
+        return piece.element.error(f"lane {self._lane.ids[self._lane.index_at(station_m)]}: {what} {place}")
 
     def _stretches(self) -> list[_Stretch]:
-        """The road cut at every change of geometry, offset, section, width or marking."""
+        """The road cut at every change of geometry, offset, section, width or marking; slivers are not cut off."""
         places = {piece.start_m for piece in self._pieces} | {record.start_m for record in self._offsets}
-        places |= {section.start_m for section in self._sections}
-        places |= {place for section in self._sections for place in section.breaks_m()}
-        cuts = [0.0]
-        for place in sorted(place for place in places if 0.0 < place < self._length_m - SAME_STATION_M):
-            if place > cuts[-1] + SAME_STATION_M:
+        places |= {section.start_m for section in self._lane.sections}
+        places |= {place for section in self._lane.sections for place in section.breaks_m()}
+        cuts = [self._lane.begin_m]
+        for place in sorted(
+            place for place in places if self._lane.begin_m < place < self._lane.end_m - SLIVER_M
+        ):
+            if place > cuts[-1] + SLIVER_M:
                 cuts.append(place)
-        coarse = [self._stretch(*ends) for ends in pairwise([*cuts, self._length_m])]
+        coarse = [self._stretch(*ends) for ends in pairwise([*cuts, self._lane.end_m])]
         for stretch in coarse:
             stretch.check()
         return [fine for stretch in coarse for fine in self._linear_widths(stretch)]
@@ -214,15 +218,21 @@ class _Reader:
     def _stretch(self, start_m: float, end_m: float) -> _Stretch:
         middle_m = (start_m + end_m) / 2
         piece = next(p for p in reversed(self._pieces) if p.start_m <= middle_m or p is self._pieces[0])
-        index = next((i for i, s in reversed(list(enumerate(self._sections))) if s.start_m <= middle_m), 0)
-        section, lane = self._sections[index], self._lanes[index]
-        return _Stretch(start_m, end_m, piece, section, lane, active(self._offsets, middle_m))
+        index = self._lane.index_at(middle_m)
+        kept = self._lane
+        section, numbers, lane = kept.sections[index], kept.threads[index], kept.ids[index]
+        offset = active(self._offsets, middle_m)
+        return _Stretch(start_m, end_m, piece, section, numbers, lane, offset)
 
     def _linear_widths(self, stretch: _Stretch) -> list[_Stretch]:
         """``stretch``, halved until the lane widths are linear within WIDTH_TOLERANCE_M."""
         start_m, middle_m, end_m = stretch.start_m, stretch.middle_m, stretch.end_m
         section = stretch.section
         for lane in (n for n in section.lanes if n and section.kind(n) in DRIVEN):
+            section.check_width(lane, middle_m)
+            if end_m - start_m > 3 * SLIVER_M:
+                section.check_width(lane, start_m + SLIVER_M)
+                section.check_width(lane, end_m - SLIVER_M)
             places = np.linspace(start_m, end_m, 5).tolist()
             first, *inner, last = (section.width_at(lane, s, middle_m) for s in places)
             chord = np.linspace(first, last, 5)[1:-1]
@@ -236,7 +246,7 @@ class _Reader:
         """True when the road is its own successor. Raises InputError when its end misses its start."""
         link = self._road.first("link/successor")
         own_start = {"elementId": self._road.text("id"), "contactPoint": "start"}
-        if link is None or not own_start.items() <= link.attributes.items():
+        if not self._lane.is_whole() or link is None or not own_start.items() <= link.attributes.items():
             return False
         first, last = spans[0].at(spans[0].start), spans[-1].at(spans[-1].end)
         gap_m = math.hypot(last.x_m - first.x_m, last.y_m - first.y_m)
@@ -259,7 +269,7 @@ class _Reader:
             for lane in section.outwards(kept, sign):
                 kind = section.kind(lane)
                 if kind in DRIVEN and paved_m == 0.0:
-                    strips.append(Strip(ends(lane), section.line(lane, sign, near)))
+                    strips.append(Strip(ends(lane), section.line(lane, sign, near), stretch.threads[lane]))
                 elif kind in DRIVEN or kind in PAVED:
                     paved_m += sum(ends(lane)) / 2
                 else:
@@ -281,7 +291,7 @@ class _Reader:
     def _settings(
         self, profiles: list[Profile], fitted: list[list[Segment]], *, closed: bool
     ) -> RoadSettings:
-        exported = not self._backward and set(self._lanes) == {-1}  # then the <userData> applies
+        exported = not self._backward and set(self._lane.ids) == {-1}  # then the <userData> applies
         values: dict[str, object] = {
             "name": self._road.attributes.get("name") or f"road_{self._road.text('id')}",
             "lane_width_m": profiles[0].lanes.width_m[0],
@@ -296,15 +306,13 @@ class _Reader:
             settings = RoadSettings.model_validate(values)
             Road(settings)
         except ValidationError as error:
-            problem = error.errors()[0]
-            field = ".".join(map(str, problem["loc"]))
-            raise self._road.error(f"{field}: {problem['msg'].removeprefix('Value error, ')}") from error
+            raise replace(profiles[0], element=self._road).error(error) from error
         except ValueError as error:
-            raise self._road.error(str(error)) from error
+            raise self._road.error(f"{self._lane.name}: {error}") from error
         return settings
 
     def _notes(self) -> tuple[str, ...]:
-        notes = []
+        notes = self._lane.notes()
         for profile, kind, what in (
             ("elevation", "elevation", "elevation"),
             ("lateral", "superelevation", "bank"),
@@ -316,6 +324,10 @@ class _Reader:
             if found := self._road.all(f"{kind}s/{kind}"):
                 notes.append(f"left out: {len(found)} {kind}s")
         return tuple(notes)
+
+
+def _places(span: Span) -> list[float]:
+    return [float(s) for s in np.linspace(span.start, span.end, 20)]
 
 
 def _turned(segment: Segment) -> Segment:

@@ -4,8 +4,11 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from pydantic import ValidationError
+
 from sim_harness.world.opendrive.located_xml import Element
 from sim_harness.world.roads.appearance import Marking, NeighbourLane, Section, Stroke
+from trepid.config import InputError
 
 USER_DATA = "trepid"  # code of the <userData> that the export writes
 STROKE_NAMES = {  # both name the left of two lines first
@@ -26,10 +29,14 @@ Ends = tuple[float, float]  # a width at the start and at the end of the section
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """A neighbour lane and the marking on its far edge."""
+    """A neighbour lane and the marking on its far edge.
+
+    ``lane`` is the same number in all sections through which the file links the lane; None without a file.
+    """
 
     width_m: Ends
     marking: Marking
+    lane: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +64,7 @@ class CrossSection:
     def with_widths(self, widths: Sequence[Ends]) -> "CrossSection":
         """The same lanes with other ``widths``."""
         left, pairs = len(self.left_lanes), zip(widths[1:], self.strips, strict=True)
-        strips = tuple(Strip(width_m, strip.marking) for width_m, strip in pairs)
+        strips = tuple(replace(strip, width_m=width_m) for width_m, strip in pairs)
         return replace(self, width_m=widths[0], left_lanes=strips[:left], right_lanes=strips[left:])
 
     def fields(self) -> dict[str, object]:
@@ -91,12 +98,20 @@ class CrossSection:
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """A cross section from ``start_m`` over ``length_m`` of the new road, and its <laneSection>."""
+    """A cross section from ``start_m`` over ``length_m`` of the new road, and its place in the file."""
 
-    element: Element
+    element: Element  # its <laneSection>
+    station_m: float  # in the file
     start_m: float
     length_m: float
     lanes: CrossSection
+
+    def error(self, error: ValidationError) -> InputError:
+        """The refusal of a section of these lanes."""
+        problem = error.errors()[0]
+        field = ".".join(map(str, problem["loc"]))
+        what = problem["msg"].removeprefix("Value error, ")
+        return self.element.error(f"at s = {self.station_m:g} m: {f'{field}: ' if field else ''}{what}")
 
 
 def cross_section(section: Section, lane_width_m: float) -> CrossSection:
@@ -144,7 +159,9 @@ def mirrored(lanes: CrossSection) -> CrossSection:
     """``lanes`` in the opposite direction."""
 
     def turned(strips: tuple[Strip, ...]) -> tuple[Strip, ...]:
-        return tuple(Strip(strip.width_m[::-1], flipped(strip.marking)) for strip in strips)
+        return tuple(
+            replace(strip, width_m=strip.width_m[::-1], marking=flipped(strip.marking)) for strip in strips
+        )
 
     return CrossSection(
         width_m=lanes.width_m[::-1],
@@ -158,15 +175,21 @@ def mirrored(lanes: CrossSection) -> CrossSection:
 
 
 def sections(profiles: Sequence[Profile], lane_width_m: float, *, with_user_data: bool) -> list[Section]:
-    """The fewest sections that describe ``profiles``. Raises ValueError (pydantic) for an invalid section."""
+    """The fewest sections that describe ``profiles``. Raises InputError for a lane that no section can have."""
     groups: list[Profile] = []
-    for profile in profiles:
+    for profile in (replace(each, lanes=_plain_widths(each.lanes)) for each in profiles):
         longer = _joined(groups[-1], profile) if groups else None
         groups[-1:] = [longer] if longer else [*groups[-1:], profile]
     for number in range(1, len(groups)):
         met = _meeting(groups[number - 1].lanes, groups[number].lanes)
         groups[number] = replace(groups[number], lanes=met)
-    return [_section(group, lane_width_m, with_user_data=with_user_data) for group in groups]
+    found = []
+    for group in groups:
+        try:
+            found.append(_section(group, lane_width_m, with_user_data=with_user_data))
+        except ValidationError as error:
+            raise group.error(error) from error
+    return found
 
 
 def user_data(element: Element) -> dict[str, object]:
@@ -206,28 +229,62 @@ def _joined(a: Profile, b: Profile) -> Profile | None:
     second = a.lanes.with_widths([(cut, end) for _, cut, end in cuts])
     if not (first.agrees_with(a.lanes) and second.agrees_with(b.lanes)):
         return None
-    return Profile(a.element, a.start_m, a.length_m + b.length_m, a.lanes.with_widths(ends))
+    return replace(a, length_m=a.length_m + b.length_m, lanes=a.lanes.with_widths(ends))
 
 
 def _meeting(before: CrossSection, after: CrossSection) -> CrossSection:
-    """``after``, starting with the end widths of ``before`` where both are taken as equal."""
+    """``after``, with each lane that continues starting at the width with which it ends in ``before``.
 
-    def start(there: Ends, here: Ends) -> Ends:
-        gap_m = abs(there[1] - here[0])
-        if abs(here[0] - here[1]) < SAME_M and gap_m < SAME_M:
-            return there[1], there[1]
-        return (there[1], here[1]) if gap_m < JOINED_WITHIN_M else here
+    The kept lane does so within JOINED_WITHIN_M. A neighbour continues where both have the same lane of the file;
+    without a file, where it has the same place. Where lanes of one side end and others begin at a width, the others
+    begin at 0: a road of Trepid opens or closes lanes at a joint, not both.
+    """
 
     def strips(there: tuple[Strip, ...], here: tuple[Strip, ...]) -> tuple[Strip, ...]:
-        met = [Strip(start(a.width_m, b.width_m), b.marking) for a, b in zip(there, here, strict=False)]
-        return (*met, *here[len(met) :])
+        ending = {_key(k, strip): strip for k, strip in enumerate(there)}
+        met, opened = [], []
+        for k, strip in enumerate(here):
+            found = ending.pop(_key(k, strip), None)
+            if found is None and strip.width_m[0] > 0:
+                opened.append(k)
+            met.append(
+                strip if found is None else replace(strip, width_m=_start(found.width_m, strip.width_m))
+            )
+        if any(strip.width_m[1] > 0 for strip in ending.values()):
+            for k in opened:
+                met[k] = replace(met[k], width_m=(0.0, met[k].width_m[1]))
+        return tuple(met)
 
+    kept_m = after.width_m
+    if abs(before.width_m[1] - kept_m[0]) < JOINED_WITHIN_M:
+        kept_m = _start(before.width_m, kept_m)
     return replace(
         after,
-        width_m=start(before.width_m, after.width_m),
+        width_m=kept_m,
         left_lanes=strips(before.left_lanes, after.left_lanes),
         right_lanes=strips(before.right_lanes, after.right_lanes),
     )
+
+
+def _key(place: int, strip: Strip) -> tuple[bool, int]:
+    """What tells a neighbour from the others of its side: its lane in the file, else its place."""
+    return (True, place) if strip.lane is None else (False, strip.lane)
+
+
+def _start(there: Ends, here: Ends) -> Ends:
+    """``here``, starting at the end of ``there``."""
+    if abs(here[0] - here[1]) < SAME_M and abs(there[1] - here[0]) < SAME_M:
+        return there[1], there[1]
+    return _flat((there[1], here[1]))
+
+
+def _flat(ends: Ends) -> Ends:
+    return (ends[0], ends[0]) if abs(ends[0] - ends[1]) < SAME_M else ends
+
+
+def _plain_widths(lanes: CrossSection) -> CrossSection:
+    """``lanes`` without differences of rounding between the ends of a lane."""
+    return lanes.with_widths([_flat(ends) for ends in lanes.widths])
 
 
 def _brief(ends: Ends) -> float | Ends:

@@ -11,6 +11,7 @@ exact to 1e-9 m per kilometre.
 
 import math
 from bisect import bisect_right
+from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, NamedTuple, Self
@@ -37,6 +38,7 @@ MAX_STEP_M = 5.0
 MIN_SLOPE = 0.2
 CLOSED_WITHIN_M, CLOSED_WITHIN_RAD = 1e-3, 1e-4
 
+SAME_WIDTH_M = 1e-9
 Curvature = Annotated[float, Field(ge=-1, le=1)]  # 1/m; no car turns within R = 1 m
 
 
@@ -54,6 +56,12 @@ class Segment(Settings):
     @property
     def end_curvature_1pm(self) -> float:
         return self.curvature_1pm[1] if isinstance(self.curvature_1pm, tuple) else self.curvature_1pm
+
+
+def _is_part(some: Sequence[float], others: Sequence[float]) -> bool:
+    """Whether all of ``some`` are among ``others``, in their order."""
+    rest = iter(others)
+    return all(any(abs(one - other) <= SAME_WIDTH_M for other in rest) for one in some)
 
 
 class RoadSettings(Settings):
@@ -103,20 +111,30 @@ class RoadSettings(Settings):
 
     @model_validator(mode="after")
     def _lanes_join(self) -> Self:
+        """The kept lane and all lanes that continue have one width at a joint; others open or close there."""
         following = self.sections[1:] + (self.sections[:1] if self.closed else ())
         for number, (here, there) in enumerate(zip(self.sections, following, strict=False), start=1):
-            sides = (here.lanes_to_the_left, here.right_lanes, there.lanes_to_the_left, there.right_lanes)
-            outermost = max(map(len, sides))
-            for lane in range(-outermost, outermost + 1):
-                before = here.lane_width_m_at_ends(lane, self.lane_width_m)
-                after = there.lane_width_m_at_ends(lane, self.lane_width_m)
-                if before and after and abs(before[1] - after[0]) > 1e-9:
+            for side in (0, 1, -1):
+                before, after = self._widths_m(here, side, 1), self._widths_m(there, side, 0)
+                if not (_is_part(before, after) or _is_part(after, before)):
+                    pairs = zip(before, after, strict=False)
+                    lane = next((k for k, (a, b) in enumerate(pairs) if abs(a - b) > SAME_WIDTH_M), 0)
                     raise wrong_at(
                         ("sections", number % len(self.sections)),
-                        f"lane {lane} jumps from {before[1]} to {after[0]} m width at section {there.name!r};"
-                        " give its width there as [at the start, at the end]",
+                        f"lane {side * (lane + 1)} jumps from {before[lane]} to {after[lane]} m width at section"
+                        f" {there.name!r}; give its width there as [at the start, at the end]",
                     )
         return self
+
+    def _widths_m(self, section: Section, side: int, end: int) -> list[float]:
+        """Widths at the start (``end`` 0) or end of the kept lane (``side`` 0), or of the lanes beside it.
+
+        A lane without width there is not listed.
+        """
+        lanes = section.lanes_to_the_left if side > 0 else section.right_lanes
+        indices = [side * (k + 1) for k in range(len(lanes))] if side else [0]
+        ends = [section.lane_width_m_at_ends(lane, self.lane_width_m) for lane in indices]
+        return [width_m[end] for width_m in ends if width_m is not None and width_m[end] > 0]
 
     @model_validator(mode="after")
     def _lanes_are_of_one_scale(self) -> Self:

@@ -318,7 +318,9 @@ def test_the_place_of_an_error_is_where_the_start_tag_begins(namespace, tmp_path
      id="1"><planView><geometry s="0"
        x="0"/></planView></road></OpenDRIVE>"""
     )
-    with pytest.raises(InputError, match=r"bad.xodr:5:23: <geometry>: attribute 'length' is missing"):
+    with pytest.raises(
+        InputError, match=r"bad.xodr:5:23: <geometry> of road 1, s = 0 m: attribute 'length' is missing"
+    ):
         read_opendrive(path)
 
 
