@@ -189,6 +189,8 @@ def endpoint() -> Finding:
         session_settings(LAUNCHER, listen=found)
         check_keys(load(FILE, ProcessesFile).processes)
     except InputError as error:
-        remedy = "correct security.yaml, make keys: `trepid keys create`, or end the other drive or program"
+        remedy = (
+            "correct the machine or security.yaml, make keys (`trepid keys create`), or end the other drive"
+        )
         return Finding("endpoint", False, str(error), remedy)
     return Finding("endpoint", True, f"{found} is free")

@@ -1,16 +1,30 @@
 """The Zenoh endpoint at which the processes of a drive meet."""
 
+import os
+import shutil
+import socket
+import tempfile
+from contextlib import closing
+from pathlib import Path
+
 from trepid.bus import free_endpoint
 from trepid.config import CONFIG_DIR, InputError, located, read
-from trepid.processes.page_door import listening
+from trepid.processes.ports import listening, reserved
 from trepid.security import drive_endpoint, refuse_open_endpoints
+
+LOOPBACK, LOOPBACK_S = "127.0.0.1", 1.0
+SHARED_MEMORY = Path("/dev/shm")  # of Linux
+SHARED_BYTES = 32_000_000  # Zenoh: 16 MiB of the camera's images, and 1.3 MB of each of ten processes
 
 
 def usable_endpoint() -> str:
-    """The endpoint of a drive of the car in use, at which nothing listens.
+    """The endpoint of a drive of the car in use, at which nothing listens; it stays reserved for this process.
 
-    Raises InputError with the place of ``listen`` when it may not, or cannot, be used.
+    Raises InputError with the place of ``listen`` when it may not, or cannot, be used, and where the processes of a
+    drive could not meet: the loopback interface cannot be reached, or there is no shared memory.
     """
+    _check_loopback()
+    _check_shared_memory(SHARED_MEMORY)
     endpoint = drive_endpoint(free_endpoint())
     if not endpoint.startswith("tls/"):
         try:
@@ -19,11 +33,52 @@ def usable_endpoint() -> str:
             raise _wrong_listen(str(error)) from error
     host, _, port = endpoint.partition("/")[2].rpartition(":")
     try:
-        listening(host.strip("[]"), int(port)).close()
+        reserved(host.strip("[]"), int(port))
     except OSError as error:
         what = f"{endpoint} cannot be used: {error.strerror}; give another HOST:PORT, or null for a free port"
         raise _wrong_listen(what) from error
     return endpoint
+
+
+def _check_loopback() -> None:
+    """Raise InputError where nothing reaches 127.0.0.1, as in a container whose interface lo is down.
+
+    A socket can listen there all the same, so that the processes of a drive would wait for each other in vain.
+    """
+    with closing(listening(LOOPBACK, 0)) as listener, socket.socket() as caller:
+        listener.listen()
+        caller.settimeout(LOOPBACK_S)
+        try:
+            caller.connect(listener.getsockname())
+        except OSError as error:
+            raise InputError(
+                f"{LOOPBACK} cannot be reached: {error.strerror or error}; the processes of a drive meet at the"
+                " loopback interface: `ip link set lo up`"
+            ) from error
+
+
+def _check_shared_memory(folder: Path) -> None:
+    """Raise InputError where ``folder`` cannot hold the shared memory of a drive; no folder: another system.
+
+    A segment larger than the free space can be made, and kills the process that writes to it.
+    """
+    if not folder.exists():
+        if os.uname().sysname == "Linux":
+            raise InputError(
+                f"{folder}: no such folder; a drive needs shared memory: `mount -t tmpfs tmpfs {folder}`"
+            )
+        return
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"\0")
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        raise InputError(f"{folder} cannot be used: {error.strerror}; a drive needs shared memory") from error
+    if free < SHARED_BYTES:
+        raise InputError(
+            f"{folder}: {free / 1e6:.1f} MB are free, a drive needs {SHARED_BYTES / 1e6:.0f} MB of shared memory;"
+            " give a container more (`docker run --shm-size=256m`), or remove old files there"
+        )
 
 
 def _wrong_listen(what: str) -> InputError:

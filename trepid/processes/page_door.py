@@ -1,16 +1,14 @@
 """The address of the live page of a drive, and the token without which it shows and does nothing."""
 
-import fcntl
 import os
 import secrets
-import socket
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO
 
 from trepid.config import CONFIG_DIR, InputError, located, read
+from trepid.processes.ports import bound, reserved
 from trepid.processes.register import folder, folders
 from trepid.security import certificate, load_security, on_loopback, private_key
 
@@ -19,7 +17,6 @@ PAGE, FOXGLOVE = "page", "foxglove"
 TOKEN_FILE = "page-token"
 TOKEN = "TREPID_PAGE_TOKEN"  # environment variable
 TOKEN_BYTES = 16
-_held: dict[int, ExitStack] = {}  # port -> lock against other drives of this user; it ends with this process
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +59,11 @@ def page_door(host: str, port: int, *, only: bool = False) -> PageDoor:
     if door.tls and load_security().folder is None:
         raise _refused(host)
     with suppress(OSError):
-        return PageDoor(host, _reserved(host, port), door.token)
+        return PageDoor(host, reserved(host, port), door.token)
     if only:
         raise InputError(f"--page {port}: the port is in use at {host}; choose another, or leave --page out")
     try:
-        return PageDoor(host, _bound(host, 0), door.token)
+        return PageDoor(host, bound(host, 0), door.token)
     except OSError as error:
         raise _wrong_host(f"{host} cannot be used: {error.strerror}; 127.0.0.1 is this machine") from error
 
@@ -76,8 +73,8 @@ def foxglove_port(port: int) -> int:
     if find_spec("foxglove") is None:
         raise InputError("--foxglove needs the SDK of Foxglove: pip install 'trepid[foxglove]'")
     with suppress(OSError):
-        return _reserved("127.0.0.1", port)
-    return _bound("127.0.0.1", 0)
+        return reserved("127.0.0.1", port)
+    return bound("127.0.0.1", 0)
 
 
 def page_token() -> str:
@@ -105,50 +102,6 @@ def _fresh_token() -> Path:
     finally:
         fresh.unlink(missing_ok=True)
     return path
-
-
-def listening(host: str, port: int) -> socket.socket:
-    """A socket bound to ``host`` and ``port``. Raises OSError."""
-    bound = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
-    try:
-        bound.setsockopt(
-            socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
-        )  # the connections of a former one may linger
-        bound.bind((host, port))
-    except OSError:
-        bound.close()
-        raise
-    return bound
-
-
-def _reserved(host: str, port: int) -> int:
-    """``port``, which is free and stays reserved until its process listens there. Raises OSError.
-
-    Seconds pass until then, in which another drive that starts finds the port free too.
-    """
-    if port in _held or not port:
-        return _bound(host, port)
-    with ExitStack() as held:
-        lock = _lock_file(port)
-        if lock is not None:
-            fcntl.flock(held.enter_context(lock), fcntl.LOCK_EX | fcntl.LOCK_NB)
-        found = _bound(host, port)
-        _held[port] = held.pop_all()
-    return found
-
-
-def _lock_file(port: int) -> IO[str] | None:
-    """The file whose lock reserves ``port``; None where no folder can hold it."""
-    with suppress(OSError, InputError):
-        return (folder() / f"port-{port}").open("a", encoding="utf-8")
-    return None
-
-
-def _bound(host: str, port: int) -> int:
-    with listening(host, port) as probe:
-        if port:
-            probe.listen()  # SO_REUSEADDR lets two bind, and one listen
-        return int(probe.getsockname()[1])
 
 
 def _local(host: str) -> bool:
