@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from trepid.causes import concerning
 from trepid.commands.car_option import Car
 from trepid.commands.changes_option import Changes
 from trepid.commands.estimator_option import Chosen
@@ -236,8 +237,9 @@ def driving_line(log: "DriveLog", *, elapsed_s: float) -> "Text":
         text.append(f"  speed {state.speed_mps:4.1f} m/s")
     if decision is not None:
         colour = FEAR_COLOURS.get(decision.level, "white")
+        cause = concerning(decision.cause, decision.part)
         text.append(f"  {decision.mode}", style="bold")
-        text.append(f"  fear {decision.fear:.2f} {decision.level} ({decision.cause})", style=colour)
+        text.append(f"  fear {decision.fear:.2f} {decision.level}: {cause}", style=colour)
     if log.waits_for:
         text.append(f"  {log.waits_for}", style="bold")
     return text

@@ -190,7 +190,7 @@ class Supervisor:
             road_users=road_users,
         )
         rated = rules.evaluate(world.features)
-        finding = analyse(world.features, self._settings.analyser, ages_s=world.ages_s)
+        finding = analyse(world.features, self._settings.analyser, ages_s=world.ages_s, doubted=world.doubted)
         cause = CALM if rated.cause == CALM else explained(rated.cause, finding, world.sight.cause)
         fault = self._watchdog.step(
             world.ages_s,
@@ -206,7 +206,7 @@ class Supervisor:
         ages_s = {**world.ages_s, STATISTICS: world.statistics_age_s, LEAD: world.ahead.age_s}
         possible = {n: m.t_s for n, m in senders.items() if m and math.isfinite(ages_s[n])}
         late = self._lateness.step(possible, now_s=now_s, came_s={LEAD: lead_sent_s})
-        modes = self._settings.modes
+        modes, begins = self._settings.modes, self._mode.mode is Mode.STOP
         view = View(world, rules, self._bounds, self._mode, rated.fear, cause)
         now = moment(
             world,
@@ -214,13 +214,13 @@ class Supervisor:
             modes,
             fear=rated.fear,
             cause=cause,
+            part=finding.part if finding.cause == cause == Cause.DOUBTED_STATE else "",
             fault=fault,
             late=bool(late) or is_image_late(world.features, self._settings.analyser),
             drivable=obstacle(view) is None,
             driver=driver,
             driven=self._driver,
         )
-        begins = self._mode.mode is Mode.STOP
         situation = self._doubts.step(now, rules.file.hysteresis, now_s=now_s)
         self._mode = next_state(self._mode, situation, final_causes=modes.final_causes)
         for_people = world.way.hard and not driver
@@ -293,7 +293,7 @@ class Supervisor:
             fear=rated.fear,
             level=rated.level,
             cause=str(cause),
-            part=finding.part if finding.cause == cause else "",
+            part=finding.part if finding.cause == cause else self._mode.part,
             rules=rated.texts,
             rule_strengths=rated.strengths,
             inputs=names,

@@ -65,6 +65,11 @@ class Cause(StrEnum):
     DOUBTED_STATE = "doubted_state"  # a measurement that is missing, or that physics contradicts
 
 
+def concerning(cause: str, part: str) -> str:
+    """The text of ``cause`` with the part that it concerns, such as ``doubted_state (yaw rate)``."""
+    return f"{cause} ({part})" if part else cause
+
+
 CAUSES: frozenset[str] = frozenset(cause.value for cause in Cause)
 
 

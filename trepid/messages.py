@@ -9,7 +9,9 @@ Absence is explicit: ``None`` means "not detected" or "not known" (NaN on the wi
 previous value.
 """
 
+from collections.abc import Mapping
 from enum import StrEnum
+from types import MappingProxyType
 
 from trepid.frozen import record
 from trepid.types import Image
@@ -177,6 +179,17 @@ class VehicleState:
     saturated: bool | None = None  # the limiter cuts the steering demand continuously; None: not monitored
     # names of the fields that are None because their sender calls them invalid, or because physics contradicts them
     doubted: tuple[str, ...] = ()
+
+
+QUANTITIES: Mapping[str, str] = MappingProxyType(
+    {
+        "speed_mps": "speed",
+        "road_wheel_angle_rad": "wheel angle",
+        "yaw_rate_radps": "yaw rate",
+        "driver_torque_nm": "driver torque",
+    }
+)
+"""Field of VehicleState that may be doubted -> its name in texts."""
 
 
 @record

@@ -10,6 +10,7 @@ from cockpit.figure_style import BLUE, FIVE, GREEN, ORANGE, SKY, new_figure
 from cockpit.logbook.recall import Recall, of_valid
 from cockpit.logbook.story import Story
 from supervisor.rules.rule_file import LEVELS
+from trepid.causes import concerning
 from trepid.config import InputError
 from trepid.messages import SteeringEstimate
 
@@ -68,7 +69,8 @@ def _draw_panel(axes: Any, story: Story) -> None:
     axes.set(xlim=(0, 1), ylim=(0, 1))
     axes.set_axis_off()
     axes.barh(0.96, min(story["fear"], 1.0), height=0.08, color=FIVE[LEVELS.index(story["level"])])
-    what = f"{story['moment_s']:.2f} s   {story['mode']}   fear {story['fear']:.2f}, cause {story['cause']}"
+    cause = concerning(story["cause"], story["part"])
+    what = f"{story['moment_s']:.2f} s   {story['mode']}   fear {story['fear']:.2f}, cause {cause}"
     axes.text(0.015, 0.74, what, fontsize=13, fontweight="bold", va="center")
     course = story.get("slow_down")
     fell = f"{course['cap_before_mps']:.1f} to {course['cap_lowest_mps']:.1f}" if course else None

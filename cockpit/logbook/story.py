@@ -71,7 +71,7 @@ def overview(drive: Recall) -> list[Story]:
     found = []
     for slow in _cap_falls(drive):
         decision = drive.decisions[_worst(drive, slow)]
-        judged = _fields(decision, "mode", "cause", "fear")
+        judged = _fields(decision, "mode", "cause", "part", "fear")
         found.append({**_course(drive, slow), **judged, "limited_by": _limit(drive, decision)})
     return found
 
@@ -91,7 +91,7 @@ def _moment(drive: Recall, index: int) -> Story:
     decision = drive.decisions[index]
     return {
         "moment_s": _at(drive, index),
-        **_fields(decision, "mode", "stop", "fear", "level", "cause", "speed_cap_mps", "waits_for"),
+        **_fields(decision, "mode", "stop", "fear", "level", "cause", "part", "speed_cap_mps", "waits_for"),
         **_fields(decision, "road_user", "road_user_m"),
         "limited_by": _limit(drive, decision),
         "rules": _rules(drive, decision),
@@ -274,7 +274,16 @@ def _timeline(drive: Recall, from_s: float, last: int) -> list[Story]:
         kept = lasting or i == first or j == last or state["stop"] is not Stop.NONE
         if kept and not (moments and state.items() <= moments[-1].items()):
             fear = max(d.fear for d in drive.decisions[i : j + 1])
-            moments.append({"t_s": _at(drive, i), **state, "fear": fear, "cap_mps": float(drive.cap_mps[j])})
+            part = drive.decisions[i].part
+            moments.append(
+                {
+                    "t_s": _at(drive, i),
+                    **state,
+                    "part": part,
+                    "fear": fear,
+                    "cap_mps": float(drive.cap_mps[j]),
+                }
+            )
     return moments[:MOST_MOMENTS]
 
 

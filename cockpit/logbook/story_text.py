@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from cockpit.logbook.story import Story
+from trepid.causes import concerning
 from trepid.recording.reader import Recorded
 
 SHOWN_RULES, SHOWN_CHANGES, SHOWN_RISES = 6, 5, 6
@@ -24,7 +25,7 @@ def overview_text(recorded: Recorded, found: list[Story]) -> str:
         until = "the end" if slow["until_s"] is None else f"{slow['until_s']:.2f} s"
         lines.append(
             f"{slow['from_s']:8.2f} s to {until}: {slow['cap_before_mps']:.1f} -> {slow['cap_lowest_mps']:.1f} m/s,"
-            f" {slow['mode']}, {slow['cause']}, fear {slow['fear']:.2f}"
+            f" {slow['mode']}, {concerning(slow['cause'], slow['part'])}, fear {slow['fear']:.2f}"
         )
     lines.append(f"{len(found)} slow-downs by the supervisor" + ("; --at T explains one" if found else ""))
     return "\n".join(lines)
@@ -81,7 +82,7 @@ def _sight(story: Story) -> str:
 
 
 def _cause(moment: Story) -> str:
-    return "no cause" if moment["cause"] == "none" else f"cause {moment['cause']}"
+    return "no cause" if moment["cause"] == "none" else f"cause {concerning(moment['cause'], moment['part'])}"
 
 
 def _allowed(story: Story) -> str:
@@ -165,7 +166,7 @@ def _course(story: Story) -> str:
 
 
 def _reason(story: Story) -> str:
-    fear = f"fear {story['fear']:.2f} ({story['level']}), cause {story['cause']}"
+    fear = f"fear {story['fear']:.2f} ({story['level']}), {_cause(story)}"
     match story["limited_by"]:
         case "stop":
             return f"Reason: {story['stop']} stop, {fear}."

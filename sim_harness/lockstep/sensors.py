@@ -8,9 +8,9 @@ import numpy as np
 from sim_harness.scenarios.measurements import Sensors
 from trepid.car.vehicle import Vehicle
 from trepid.config import Settings
-from trepid.messages import Command, VehicleState
+from trepid.messages import QUANTITIES, Command, VehicleState
 from trepid.types import NonNegative
-from vehicle.measurement.check import NAMES, MeasurementCheck, absent
+from vehicle.measurement.check import MeasurementCheck, absent
 from vehicle.measurement.check import build as build_check
 
 Carry = Callable[[VehicleState, Command | None, float], VehicleState | None]
@@ -84,5 +84,5 @@ class SimulatedSensors:
         arrived = state if self._carry is None else self._carry(state, applied, now_s)
         held, doubts = self._check.step(arrived, driver=driver, now_s=now_s)
         lacking = () if arrived is None else arrived.doubted
-        self.doubts = (*(f"{NAMES[name]}: not available" for name in lacking), *doubts)
+        self.doubts = (*(f"{QUANTITIES[name]}: not available" for name in lacking), *doubts)
         return held or absent(state.t_s)

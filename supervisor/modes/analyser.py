@@ -8,7 +8,7 @@ It is a pure function of the features, like the rules, and takes a few microseco
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -16,6 +16,7 @@ from supervisor.inputs.validation import is_frozen
 from supervisor.situation.features import DOUBT, Features
 from trepid.causes import Cause
 from trepid.config import Settings
+from trepid.messages import QUANTITIES
 from trepid.types import Positive, PositiveShare
 
 
@@ -174,18 +175,31 @@ SYMPTOMS = frozenset(
 """Causes of fear rules that may have another cause, which the analyser finds."""
 
 
-def analyse(x: Features, settings: AnalyserSettings, *, ages_s: Mapping[str, float]) -> Finding:
-    """The first suspect with enough evidence in the features ``x``; of estimators the late one is named.
+def analyse(
+    x: Features,
+    settings: AnalyserSettings,
+    *,
+    ages_s: Mapping[str, float],
+    doubted: Collection[str] = (),
+) -> Finding:
+    """The first suspect with enough evidence in the features ``x``.
 
-    ``ages_s`` are those of the estimators.
+    Of estimators the late one is named by ``ages_s``, of measurements those in ``doubted``, fields of the state.
     """
     for suspect in SUSPECTS:
         if suspect.evidence(x, settings):
             part = suspect.part
             if suspect.cause is Cause.LOST_ESTIMATOR:
                 part = max(ages_s, key=lambda name: ages_s[name])
+            if suspect.cause is Cause.DOUBTED_STATE:
+                part = named(doubted) or part
             return Finding(suspect.cause, part)
     return NOTHING
+
+
+def named(doubted: Collection[str]) -> str:
+    """The names of the fields ``doubted`` of the vehicle state, such as ``speed, yaw rate``."""
+    return ", ".join(QUANTITIES.get(field, field) for field in doubted)
 
 
 def explained(cause: str, finding: Finding, sight_cause: str = "") -> str:

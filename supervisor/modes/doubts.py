@@ -20,6 +20,7 @@ class Moment(NamedTuple):
 
     fault: Fault
     cause: str  # of fear
+    part: str  # the measurements in doubt, where these are the cause; "" elsewhere
     wanted: Mode  # by the level of fear
     calmer: Mode  # by the level of fear plus the hysteresis band
     path: bool  # of the road
@@ -55,6 +56,7 @@ def moment(
     *,
     fear: float,
     cause: str,
+    part: str,
     fault: Fault,
     late: bool,
     drivable: bool,
@@ -68,6 +70,7 @@ def moment(
     return Moment(
         fault=fault,
         cause=cause,
+        part=part,
         wanted=wanted,
         calmer=rules.mode(at_most(fear + rules.file.hysteresis.band, 1.0)),
         path=world.fused.path is not None,
@@ -267,5 +270,5 @@ class Doubts:
             lead=m.lead,
             standstill=m.standstill,
             effects=effects - DRIVERS if m.driver else effects,
-            part=m.fault.part,
+            part=m.fault.part if m.fault.cause else m.part,
         )

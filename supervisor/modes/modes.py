@@ -93,7 +93,7 @@ class ModeState(NamedTuple):
     stop: Stop
     cause: str  # of the stop; "" without a stop
     final: bool  # this stop ends the run
-    part: str = ""  # concerned by the cause: the lost estimators
+    part: str = ""  # concerned by the cause: the lost estimators, the measurements in doubt
 
     @classmethod
     def initial(cls) -> "ModeState":

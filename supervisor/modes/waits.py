@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from supervisor.inputs.validation import ValidationSettings
+from supervisor.modes.analyser import named
 from supervisor.modes.doubts import Moment
 from supervisor.modes.modes import STARTING, ModeSettings, ModeState
 from supervisor.path.follow import FollowSettings
@@ -18,7 +19,7 @@ from supervisor.rules.inference import FearRules
 from supervisor.situation.features import DOUBT
 from supervisor.situation.world_state import WorldState
 from trepid.bounds import at_least
-from trepid.causes import Cause
+from trepid.causes import Cause, concerning
 from trepid.lateness import RECOVERED
 from trepid.messages import Mode, Stop
 
@@ -83,7 +84,12 @@ def _confidences(v: View) -> str:
 
 def _calm(v: View) -> str:
     times = "" if v.bounds.modes.reengage_after_s is None else f"{v.bounds.modes.reengage_after_s:.1f} s of "
-    return f"{times}fear of at most {v.bounds.modes.reengage_max_fear:g} (now {v.fear:.2f}: {v.cause})"
+    return f"{times}fear of at most {v.bounds.modes.reengage_max_fear:g} (now {v.fear:.2f}: {_cause(v)})"
+
+
+def _cause(v: View) -> str:
+    """The cause of fear, with the measurements that are doubted."""
+    return concerning(v.cause, named(v.world.doubted) if v.cause == Cause.DOUBTED_STATE else "")
 
 
 def _doubtful(v: View) -> bool:
@@ -93,14 +99,15 @@ def _doubtful(v: View) -> bool:
 
 
 def _less_doubt(v: View) -> str:
-    return f"a level of fear with the mode KEEP (now {v.fear:.2f}: {v.cause})"
+    return f"a level of fear with the mode KEEP (now {v.fear:.2f}: {_cause(v)})"
 
 
 def _state(v: View) -> str:
     """The age of the state; a fresh one that counts as missing has an impossible or no value."""
     doubt = v.world.features[DOUBT]
     if doubt is not None and doubt > 0.0:
-        return "a measurement is missing or contradicted"
+        doubted = named(v.world.doubted)
+        return f"{doubted} doubted" if doubted else "a measurement is missing"
     age_s = v.world.state_age_s
     return "not valid" if age_s <= v.bounds.validation.state_fresh_s else since(age_s)
 
@@ -159,7 +166,7 @@ def _bounded(view: View, halt: Halt) -> str:
         return _behind_a_vehicle(view.world.ahead.distance_m, view.bounds)
     if sight.cap_mps < standstill_mps:
         return f"waits for sight ({sight.cause}): drives on when it is longer than the way of a stop"
-    return f"brakes for fear {view.fear:.2f} ({view.cause}): waits for less fear"
+    return f"brakes for fear {view.fear:.2f} ({_cause(view)}): waits for less fear"
 
 
 def _brake(halt: Halt) -> str:

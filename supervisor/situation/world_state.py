@@ -39,6 +39,7 @@ class WorldState(NamedTuple):
     motion: Motion | None  # None: lost
     last_motion: Motion | None  # the last valid one
     state_age_s: float
+    doubted: tuple[str, ...]  # fields of the newest state that do not hold
     statistics_age_s: float
     trust: dict[str, float]  # in every estimator by the rules, 0..1
     fused: Fused
@@ -177,6 +178,7 @@ class WorldStateObserver:
             motion=motion,
             last_motion=moving,
             state_age_s=state_age_s,
+            doubted=newest.doubted if newest else (),
             statistics_age_s=statistics_age_s,
             trust=trust,
             fused=fused,

@@ -12,14 +12,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from trepid.car.vehicle import Vehicle
-from trepid.messages import Command, VehicleState
+from trepid.messages import QUANTITIES, Command, VehicleState
 from vehicle.measurement.settings import MeasurementSettings, load_measurement
 from vehicle.measurement.speed import SpeedCheck
 from vehicle.measurement.steering import WheelCheck, YawCheck
 
 SPEED, WHEEL, YAW, TORQUE = "speed_mps", "road_wheel_angle_rad", "yaw_rate_radps", "driver_torque_nm"
 LONGEST_S = 0.05  # a longer pause of the process counts as this long
-NAMES = {SPEED: "speed", WHEEL: "wheel angle", YAW: "yaw rate", TORQUE: "driver torque"}
 
 
 class Judged(NamedTuple):
@@ -86,7 +85,7 @@ class MeasurementCheck:
             state = None
         driver = driver or (state is not None and state.driver_override)
         reasons: dict[str, str] = {}
-        values = {name: self._ranged(name, state, reasons) for name in NAMES}
+        values = {name: self._ranged(name, state, reasons) for name in QUANTITIES}
         held = self._held(values, driver, dt_s, now_s)
         if state is None:
             return Judged(None, ())
@@ -103,7 +102,7 @@ class MeasurementCheck:
         if not reasons:
             return Judged(state, ())
         doubted = tuple(sorted({*state.doubted, *reasons}))
-        texts = tuple(f"{NAMES[name]}: {reasons[name]}" for name in NAMES if name in reasons)
+        texts = tuple(f"{QUANTITIES[name]}: {reasons[name]}" for name in QUANTITIES if name in reasons)
         held_state = replace(
             state,
             speed_mps=values[SPEED],

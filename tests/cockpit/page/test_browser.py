@@ -127,6 +127,11 @@ def test_the_page_shows_what_is_published(seen):
             "STOP",
             "emergency stop, because of lost camera (camera)",
         ),
+        (
+            dict(mode=Mode.CAUTION, cause="doubted_state", part="yaw rate", fear=0.5),
+            "CAUTION",
+            "because of doubted state (yaw rate)",
+        ),
         (dict(mode=Mode.FOLLOW, cause="no_path"), "FOLLOW", "because of no path"),
     ],
 )

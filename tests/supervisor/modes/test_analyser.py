@@ -72,6 +72,19 @@ def test_the_estimator_that_is_behind_is_named() -> None:
     assert late == ("lost_estimator", "cnn")
 
 
+@pytest.mark.parametrize(
+    ("doubted", "part"),
+    [
+        (("yaw_rate_radps",), "yaw rate"),
+        (("road_wheel_angle_rad", "speed_mps"), "wheel angle, speed"),
+        ((), "vehicle"),
+    ],
+)
+def test_the_measurements_in_doubt_are_named(doubted: tuple[str, ...], part: str) -> None:
+    found = analyse(FINE | {"state_doubt": 0.5}, SETTINGS, ages_s=AGES_S, doubted=doubted)
+    assert found == ("doubted_state", part)
+
+
 def test_a_standing_image_of_a_standing_car_is_not_frozen() -> None:
     assert finding(frozen=5.0, speed=0.0) == NOTHING
 

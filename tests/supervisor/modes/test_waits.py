@@ -48,6 +48,10 @@ def first(drive: Drive, **messages: Any) -> str:
         ),
         ({"statistics": DIM}, "starting: waits for 2.0 s of fear of at most 0.62 (now 0.75: dark)"),
         (
+            {"state": replace(STATE, road_wheel_angle_rad=None, doubted=("road_wheel_angle_rad",))},
+            "starting: waits for 2.0 s of fear of at most 0.62 (now 1.00: doubted_state (wheel angle))",
+        ),
+        (
             {"state": replace(STATE, driver_override=True)},
             "starting: waits for the driver to let go",
         ),
@@ -72,6 +76,22 @@ def test_the_age_of_a_silent_estimator_grows_in_the_words() -> None:
     drive.last(0.4, cnn=ESTIMATE, statistics=DIM)
     words = drive.last(3.08, cnn=None, statistics=DIM).waits_for
     assert words == f"starting: waits for the estimate of cnn (none for {3.08 + LATENCY_S:.1f} s)"
+
+
+def test_a_standing_car_without_a_speed_that_holds_names_the_speed() -> None:
+    drive = Drive(speed_mps=None)  # type: ignore[arg-type]
+    words = first(drive, state=replace(STATE, doubted=("speed_mps",)))
+    assert words == "starting: waits for the state of the vehicle (speed doubted)"
+
+
+def test_a_stop_for_a_measurement_keeps_the_name_of_it() -> None:
+    drive = Drive.under_way()
+    doubted = replace(STATE, road_wheel_angle_rad=None, doubted=("road_wheel_angle_rad",))
+    stopping = drive.last(2.0, state=doubted)
+    assert (stopping.cause, stopping.part) == ("doubted_state", "wheel angle")
+    assert stopping.waits_for == "stopping for doubted_state wheel angle: waits for standstill"
+    again = drive.last(0.2)
+    assert (again.cause, again.part) == ("doubted_state", "wheel angle")
 
 
 def test_a_car_that_starts_on_the_move_waits_for_standstill_or_a_driver() -> None:
