@@ -37,7 +37,8 @@ class SimulatedCamera:
         self._faults = scenario.faults
         self._bodies = [vehicle.body for vehicle in scenario.traffic]
         self._figures = [user.figure for user in scenario.road_users]
-        self._renderer, self._sight_truth = renderer, sight_truth
+        self.renderer, self._sight_truth = renderer, sight_truth
+        """What draws the images."""
         self._last: Image | None = None
         self._underway: list[tuple[float, Shot]] = []  # time of arrival
 
@@ -51,8 +52,8 @@ class SimulatedCamera:
         elapsed_s = truth.elapsed_s
         faults = [] if elapsed_s is None else [f for f in self._faults if f.active(elapsed_s)]
         frame = None
-        if self._renderer is not None:
-            frame = Frame(t_s=truth.t_s, image=self._image(self._renderer, truth, faults))
+        if self.renderer is not None:
+            frame = Frame(t_s=truth.t_s, image=self._image(self.renderer, truth, faults))
         delay_s = sum(fault.delay_s for fault in faults if isinstance(fault, LateFrames))
         self._underway.append((now_s + delay_s, Shot(truth, frame, self._sight(truth))))
         arrived = [shot for due_s, shot in self._underway if due_s <= now_s + 1e-9]

@@ -144,8 +144,11 @@ def run(
     )
 
 
-def build_parts(scenario: Scenario, *, seed: int) -> Parts:
-    """The nodes that the processes of a live drive run. Raises InputError."""
+def build_parts(scenario: Scenario, *, seed: int, simulator: SimulatorSettings | None = None) -> Parts:
+    """The nodes that the processes of a live drive run; ``simulator``: default that of ``config/``.
+
+    Raises InputError.
+    """
     road = scenario.build_road()
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
@@ -154,7 +157,7 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
     if scenario.sight is Sight.CAMERA:
         renderer = Renderer(road, camera, seed=seed, disturbances=scenario.disturbances)
     return Parts(
-        vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, load_simulator(), seed=seed),
+        vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, simulator or load_simulator(), seed=seed),
         camera=SimulatedCamera(
             scenario, renderer, SightTruth(road, camera, scenario.disturbances, seed=seed)
         ),

@@ -47,6 +47,8 @@ class FollowedLane(NamedTuple):
 
 Choice = Callable[[Decision, Estimates], FollowedLane | None]
 """The lane to follow from now on, from the decision of the supervisor and the estimates; None without one."""
+Report = Callable[[VehicleState | None, float], VehicleState | None]
+"""The vehicle state that the supervisor gets, from the true report of the car and the time."""
 
 
 class UnsupervisedDriver:
@@ -55,8 +57,16 @@ class UnsupervisedDriver:
     Without a lane it follows the last one and does not stop.
     """
 
-    def __init__(self, supervisor: Supervisor, name: str, choice: Choice, *, cruise_speed_mps: float) -> None:
-        self._supervisor, self._name, self._choice = supervisor, name, choice
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        name: str,
+        choice: Choice,
+        *,
+        cruise_speed_mps: float,
+        report: Report = lambda state, _: state,
+    ) -> None:
+        self._supervisor, self._name, self._choice, self._report = supervisor, name, choice, report
         self._cruise_speed_mps = cruise_speed_mps
         self._followed: FollowedLane | None = None
 
@@ -71,8 +81,9 @@ class UnsupervisedDriver:
         road_users: RoadUsers | None = None,
     ) -> Decision:
         """The decision of the driver, with the fear of the supervisor."""
+        reported = self._report(state, now_s)
         supervised = self._supervisor.step(
-            estimates, statistics, lead, state, now_s=now_s, road_users=road_users
+            estimates, statistics, lead, reported, now_s=now_s, road_users=road_users
         )
         followed = self._followed = self._choice(supervised, estimates) or self._followed
         if followed is None:

@@ -13,29 +13,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import controller.limiter
 from perception.estimators import Estimator
 from sim_harness.bench.severity.stresses import Stress, stress_of
-from sim_harness.lockstep.camera import SimulatedCamera
 from sim_harness.lockstep.closed_loop import ClosedLoop, Instant, Parts, build_parts
 from sim_harness.lockstep.oracle import Oracle
 from sim_harness.lockstep.unsupervised import Estimates, FollowedLane, UnsupervisedDriver
-from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
+from sim_harness.lockstep.vehicle import SimulatorSettings, load_simulator
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.sweep.store import Row
 from sim_harness.world.render.renderer import Renderer
 from supervisor.modes.analyser import AnalyserSettings, analyse, explained
 from supervisor.rules.inference import CALM, FearRules
-from supervisor.supervisor import Supervisor, SupervisorSettings
-from trepid.car.camera import Camera
-from trepid.car.vehicle import Vehicle
+from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, default_file, load
 from trepid.messages import (
     Decision,
     Frame,
-    ImageStatistics,
-    LeadVehicle,
-    RoadUsers,
     SimTruth,
     SteeringEstimate,
     VehicleState,
@@ -104,35 +97,21 @@ def _memory(road: str, speed_mps: float, seed: int) -> Mapping[str, dict[float, 
 
 
 class Rails:
-    """The unsupervised driver on the true lane. The vehicle state that its supervisor gets may be wrong."""
+    """The true lane, and the vehicle state that the supervisor of its driver gets, which may be wrong."""
 
-    def __init__(self, supervisor: Supervisor, stress: Stress, task: Task, oracle: Oracle) -> None:
+    def __init__(self, stress: Stress, task: Task, oracle: Oracle) -> None:
         self._oracle = oracle
         self._truth: SimTruth | None = None
         self._delay_s = stress.state_delay_s * task.grade
         self._bias_radps = stress.yaw_bias_radps * task.grade
         self._states: list[VehicleState] = []
-        self._driver = UnsupervisedDriver(supervisor, "truth", self._lane, cruise_speed_mps=task.speed_mps)
 
     def see(self, truth: SimTruth) -> None:
         """Note the true place of the car."""
         self._truth = truth
 
-    def step(
-        self,
-        estimates: Estimates,
-        statistics: ImageStatistics | None,
-        lead: LeadVehicle | None,
-        state: VehicleState | None,
-        *,
-        now_s: float,
-        road_users: RoadUsers | None = None,
-    ) -> Decision:
-        """The decision of the driver, with the fear of the supervisor."""
-        reported = self._reported(state, now_s)
-        return self._driver.step(estimates, statistics, lead, reported, now_s=now_s, road_users=road_users)
-
-    def _reported(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
+    def report(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
+        """The state of the car under the stress: old, or with a wrong yaw rate."""
         if state is None or now_s < 0.0 or not (self._delay_s or self._bias_radps):
             return state
         self._states.append(state)
@@ -142,10 +121,10 @@ class Rails:
         yaw_radps = None if old.yaw_rate_radps is None else old.yaw_rate_radps + self._bias_radps
         return replace(old, yaw_rate_radps=yaw_radps)
 
-    def _lane(self, _: Decision, __: Estimates) -> FollowedLane | None:
-        return (
-            None if self._truth is None else FollowedLane.of(self._oracle.step(self._truth), self._truth.t_s)
-        )
+    def lane(self, _: Decision, __: Estimates) -> FollowedLane | None:
+        """The true lane from the noted place."""
+        truth = self._truth
+        return None if truth is None else FollowedLane.of(self._oracle.step(truth), truth.t_s)
 
 
 def scenario_of(task: Task) -> Scenario:
@@ -174,24 +153,19 @@ def scenario_of(task: Task) -> Scenario:
 
 def parts_of(task: Task, scenario: Scenario) -> tuple[Parts, Oracle]:
     """The nodes of the drive, and the true lane."""
-    parts = build_parts(scenario, seed=task.seed)
-    road, car = parts.vehicle.road, load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    vehicle = SimulatedVehicle(scenario, road, car, controller.limiter.build(), _simulator(), seed=task.seed)
-    eye = load(CONFIG_DIR / "camera.yaml", Camera)
-    renderer = Renderer(road, eye, seed=task.seed, disturbances=scenario.disturbances)
-    parts = replace(parts, vehicle=vehicle, camera=SimulatedCamera(scenario, renderer))
+    parts = build_parts(scenario, seed=task.seed, simulator=_simulator())
     stress, memory = stress_of(task.stress), _memory(task.road, task.speed_mps, task.seed)
-    if stress.behind_camera:
-        pictures: Any = Pictures(renderer, memory["images"])
-        parts = replace(parts, camera=SimulatedCamera(scenario, pictures))
+    if stress.behind_camera and parts.camera.renderer is not None:
+        pictures: Any = Pictures(parts.camera.renderer, memory["images"])
+        parts.camera.renderer = pictures
     if stress.behind_perception:
         estimators = {name: Remembered(e, memory[name]) for name, e in parts.estimators.items()}
         parts = replace(parts, estimators=estimators, lead=None)  # no vehicle is ahead
-    return parts, Oracle("truth", road, car)
+    return parts, Oracle("truth", parts.vehicle.road, parts.vehicle.nominal)
 
 
 @cache
-def _simulator() -> Any:
+def _simulator() -> SimulatorSettings:
     return load_simulator().model_copy(update={"run_up_s": RUN_UP_S})
 
 
@@ -214,7 +188,10 @@ def decisions_of(task: Task) -> list[Decision]:
     """The decisions in the window."""
     scenario = scenario_of(task)
     parts, oracle = parts_of(task, scenario)
-    rails = Rails(parts.supervisor, stress_of(task.stress), task, oracle)
+    rails = Rails(stress_of(task.stress), task, oracle)
+    driver = UnsupervisedDriver(
+        parts.supervisor, "truth", rails.lane, cruise_speed_mps=task.speed_mps, report=rails.report
+    )
     found: dict[float, Decision] = {}
 
     def watch(now: Instant) -> None:
@@ -222,7 +199,7 @@ def decisions_of(task: Task) -> list[Decision]:
         if now.decision is not None and now.decision.decided_s >= BEGIN_S:
             found[now.decision.decided_s] = now.decision
 
-    railed = replace(parts, supervisor=rails)  # type: ignore[arg-type]
+    railed = replace(parts, supervisor=driver)  # type: ignore[arg-type]
     ClosedLoop(scenario, railed, _simulator(), watch).drive()
     return list(found.values())
 
