@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from sim_harness.bench.drawn_cases import drawn_scenario, random_shape
 from sim_harness.scenarios.sampling import Case
-from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.plan import plan
 from sim_harness.sweep.plan_store import PlanStore
@@ -85,7 +85,7 @@ KINDS: dict[str, Draw] = {
 
 def _vehicle(rng: np.random.Generator) -> Changes:
     speed_mps = float(rng.uniform(*SLOW_MPS)) if rng.random() < SLOW_SHARE else 0.0
-    shape = str(rng.choice(["car", "van", "truck"], p=(0.7, 0.15, 0.15)))
+    shape = random_shape(rng)
     return {"traffic": [{"speed_mps": speed_mps, "shape": shape, "offset_m": float(rng.normal(0.0, 0.15))}]}
 
 
@@ -104,19 +104,14 @@ def case(seed: int, kind: str, number: int, *, rendered: bool) -> Case:
     slow_mps = float(vehicle["speed_mps"])
     vehicle["gap_m"] = gap_m - slow_mps * 0.6 * gap_m / 10.0 if slow_mps else gap_m
     vehicle["gap_m"] = max(vehicle["gap_m"], 40.0)
-    scenario = Scenario.model_validate(
-        dict(
-            name=f"{'rendered' if rendered else 'modelled'} {kind}",
-            description=f"a {name} beyond the sight: {kind}",
-            tags=["traffic"],
-            road="straight",
-            start={"speed_mps": START_MPS},
-            speed_mps=float(rng.uniform(*SET_MPS)),
-            sight=Sight.CAMERA if rendered else Sight.TRUTH,
-            lead_sensor=LeadSensor.CAMERA if rendered else LeadSensor.MODELLED,
-            duration_s=gap_m / CREEP_MPS / 2.0 + WAITING_S,
-            **fields,
-        )
+    scenario = drawn_scenario(
+        f"{'rendered' if rendered else 'modelled'} {kind}",
+        f"a {name} beyond the sight: {kind}",
+        rendered=rendered,
+        start_mps=START_MPS,
+        speed_mps=float(rng.uniform(*SET_MPS)),
+        duration_s=gap_m / CREEP_MPS / 2.0 + WAITING_S,
+        **fields,
     )
     return Case(scenario=scenario, index=number, seed=int(rng.integers(2**31)), parameters={})
 
@@ -124,18 +119,16 @@ def case(seed: int, kind: str, number: int, *, rendered: bool) -> Case:
 def clear(number: int, *, rendered: bool) -> Case:
     """A clear straight road at one of CLEAR_SPEEDS set speeds, from this speed on."""
     set_mps = SET_MPS[0] + (SET_MPS[1] - SET_MPS[0]) * number / (CLEAR_SPEEDS - 1)
-    scenario = Scenario.model_validate(
-        dict(
-            name=f"{'rendered' if rendered else 'modelled'} clear",
-            description="a clear road",
-            tags=["nominal"],
-            road="straight",
-            segments=[{"length_m": ROAD_M}],
-            start={"speed_mps": set_mps},
-            speed_mps=set_mps,
-            sight=Sight.CAMERA if rendered else Sight.TRUTH,
-            duration_s=CLEAR_S,
-        )
+    scenario = drawn_scenario(
+        f"{'rendered' if rendered else 'modelled'} clear",
+        "a clear road",
+        rendered=rendered,
+        start_mps=set_mps,
+        speed_mps=set_mps,
+        segments=[{"length_m": ROAD_M}],
+        tags=["nominal"],
+        lead_sensor=None,
+        duration_s=CLEAR_S,
     )
     return Case(scenario=scenario, index=number, seed=number, parameters={})
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
+from sim_harness.bench.drawn_cases import drawn_scenario, random_shape
+from sim_harness.scenarios.scenario import Scenario
 
 CRUISE_MPS = 8.0
 STRAIGHT_M = 50.0  # before the first bend
@@ -38,21 +39,16 @@ def case(seed: int, *, rendered: bool) -> tuple[Kind, Scenario]:
     back_s = lost_s + float(rng.uniform(5.0, 9.0))
     doing_s = lost_s + float(rng.uniform(1.0, 4.0))
     traffic = _traffic(kind, rng, speed_mps=speed_mps, gap_m=gap_m, doing_s=doing_s)
-    scenario = Scenario.model_validate(
-        dict(
-            name=f"follow_{kind}_{seed}",
-            description=f"the lanes are lost behind a leader; it: {kind}",
-            tags=["traffic"],
-            road="straight",
-            segments=random_segments(rng),
-            start={"speed_mps": speed_mps},
-            speed_mps=speed_mps if kind is Kind.CUT_IN else CRUISE_MPS,
-            sight=Sight.CAMERA if rendered else Sight.TRUTH,
-            lead_sensor=LeadSensor.CAMERA if rendered else LeadSensor.MODELLED,
-            traffic=traffic,
-            faults=[{"kind": "lost_lane", "from_s": lost_s, "to_s": back_s}],
-            duration_s=back_s + BACK_S,
-        )
+    scenario = drawn_scenario(
+        f"follow_{kind}_{seed}",
+        f"the lanes are lost behind a leader; it: {kind}",
+        rendered=rendered,
+        start_mps=speed_mps,
+        segments=random_segments(rng),
+        speed_mps=speed_mps if kind is Kind.CUT_IN else CRUISE_MPS,
+        traffic=traffic,
+        faults=[{"kind": "lost_lane", "from_s": lost_s, "to_s": back_s}],
+        duration_s=back_s + BACK_S,
     )
     return kind, scenario
 
@@ -61,8 +57,7 @@ def _traffic(
     kind: Kind, rng: np.random.Generator, *, speed_mps: float, gap_m: float, doing_s: float
 ) -> tuple[dict[str, Any], ...]:
     leader: dict[str, Any] = {"gap_m": gap_m, "speed_mps": speed_mps, "offset_m": float(rng.normal(0, 0.1))}
-    shape = str(rng.choice(["car", "van", "truck"], p=(0.7, 0.15, 0.15)))
-    leader["shape"] = shape
+    leader["shape"] = random_shape(rng)
     side = float(rng.choice([-1.0, 1.0]))
     over_s = float(rng.uniform(2.0, 4.0))
     match kind:
