@@ -155,6 +155,7 @@ EXAMPLES = {
     "sim road export": "trepid sim road export town town.xodr",
     "sim road import": "trepid sim road import town.xodr town.yaml",
     "estimate": "trepid estimate --annotate out.png road.jpg",
+    "camera import": "trepid camera import camera_info.yaml --out mycar/camera.yaml --force",
     "camera calibrate": "trepid camera calibrate boards/ --out mycar/camera.yaml --force",
     "detector list": "trepid detector list",
     "detector fetch": "trepid detector fetch objectron",

@@ -9,6 +9,7 @@ Files in folders, such as ``roads/town.yaml``, and rule files replace the defaul
 import copy
 import json
 import os
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -35,6 +36,7 @@ CONFIG_DIR = _INSTALLED if _INSTALLED.is_dir() else ROOT / "config"
 WORK_DIR = Path() if _INSTALLED.is_dir() else ROOT
 """Where benchmarks and trainings write: the checkout, else the working folder."""
 CAR = "TREPID_CAR"
+_DOCUMENT = re.compile(r"^(?:---|\.\.\.)[ \t]*$", re.MULTILINE)
 WHOLE_FILES = frozenset({"fear.yaml"})
 """Files of a car that replace the default as a whole, like those in folders: rules are proved together."""
 REFERENCE_FILES = frozenset(
@@ -189,6 +191,13 @@ def read(path: Path) -> CommentedMap:
     if over is not None:
         _overlay_file(data, over, read_text(over), _enlargement(over))
     return data
+
+
+def read_first(path: Path) -> CommentedMap:
+    """The first YAML mapping in ``path``, which others may follow after ``---``. Raises InputError."""
+    text = read_text(path)
+    ends = (mark.start() for mark in _DOCUMENT.finditer(text) if text[: mark.start()].strip())
+    return _mapping(text[: next(ends, len(text))], path)
 
 
 def _override_of(path: Path) -> Path | None:

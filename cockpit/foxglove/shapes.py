@@ -25,7 +25,7 @@ UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def camera_info(camera: Camera, t_s: float) -> Any:
-    """The calibration as ``sensor_msgs/CameraInfo``; distortion k1 k2 p1 p2 k3."""
+    """The calibration as ``sensor_msgs/CameraInfo``; distortion k1 k2 p1 p2 k3 k4 k5 k6."""
     projection = np.column_stack([camera.intrinsics, np.zeros(3)])
     region = dict(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     return ros.new(
@@ -33,8 +33,8 @@ def camera_info(camera: Camera, t_s: float) -> Any:
         header=ros.header(t_s, CAMERA_FRAME),
         height=camera.height_px,
         width=camera.width_px,
-        distortion_model="plumb_bob",
-        d=np.array([*camera.distortion, *[0.0] * (5 - len(camera.distortion))]),
+        distortion_model="plumb_bob" if len(camera.lens) == 5 else "rational_polynomial",
+        d=camera.lens,
         k=camera.intrinsics.ravel(),
         r=np.eye(3).ravel(),
         p=projection.ravel(),

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import ValidationError
 
+from perception.camera.camera_info import describe, import_camera
 from perception.camera.chessboard import Intrinsics, intrinsics
 from perception.camera.drive_clip import steps_of
 from perception.camera.height import Step
@@ -108,11 +109,56 @@ def calibrate(
         report["drive"] = {name: getattr(found, name) for name in DRIVE_REPORT}
     if width is not None:
         measured = measured.resized(width, round(measured.height_px * width / measured.width_px))
-    text = camera_yaml(measured, notes)
+    _put_out(measured, notes, report, out=out, as_json=as_json, verb="calibrate")
+
+
+@app.command("import")
+def import_(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="INFO.yaml",
+            help="camera_info of ROS: a file of camera_calibration, or what ros2 topic echo prints.",
+        ),
+    ],
+    width: Annotated[
+        int | None,
+        typer.Option(help="Width in px to which images are scaled while driving. Default: as they are."),
+    ] = None,
+    camera: Annotated[
+        Path, typer.Option(help="Camera file with the mounting, which camera_info does not state.")
+    ] = CONFIG_DIR / "camera.yaml",
+    out: Annotated[Path | None, typer.Option(help="Camera file to write. Default: print it.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    car: Car = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
+) -> None:
+    """Make a camera file of a camera_info of ROS: plumb_bob, rational_polynomial or equidistant."""
+    _check_options(out if not force else None, None, None, width)
+    found = import_camera(file, load(camera, Camera))
+    measured = found.camera
+    if width is not None:
+        measured = measured.resized(width, round(measured.height_px * width / measured.width_px))
+    notes = describe(found, file, camera)
+    report = {"model": found.model, "fit_px": found.fit_px}
+    _put_out(measured, notes, report, out=out, as_json=as_json, verb="import")
+
+
+def _put_out(
+    camera: Camera,
+    notes: dict[str, str],
+    report: dict[str, Any],
+    *,
+    out: Path | None,
+    as_json: bool,
+    verb: str,
+) -> None:
+    """Write the camera file, and print it, its JSON, or the notes."""
+    text = camera_yaml(camera, notes, verb=verb)
     if out is not None:
         _write(out, text)
     if as_json:
-        print(json.dumps({"camera": measured.model_dump(mode="json"), **report}))
+        print(json.dumps({"camera": camera.model_dump(mode="json"), **report}))
     else:
         print(text if out is None else "\n".join([f"{out} written", *notes.values(), ""]), end="")
 
@@ -250,11 +296,11 @@ def _drive_note(found: Driven) -> str:
     )
 
 
-def camera_yaml(camera: Camera, notes: dict[str, str]) -> str:
+def camera_yaml(camera: Camera, notes: dict[str, str], *, verb: str = "calibrate") -> str:
     """The text of a camera file; ``notes`` are comments on the source of its values."""
-    distortion = ", ".join(f"{value:g}" for value in camera.distortion)
+    distortion = ", ".join(f"{value:.9g}" for value in camera.distortion)
     units = {"x_m": "ahead of the rear axle", "y_m": "+ = left", "yaw_rad": "+ = turned left"}
-    lines = ["# Written by trepid camera calibrate.", *(f"# {note}" for note in notes.values())]
+    lines = [f"# Written by trepid camera {verb}.", *(f"# {note}" for note in notes.values())]
     for name, value in camera.model_dump().items():
         shown = (
             f"[{distortion}]"

@@ -71,7 +71,7 @@ def undistorted(image: Image, camera: Camera) -> Image:
     """``image`` in grey without lens distortion."""
     if not any(camera.distortion):
         return grey(image)
-    return np.asarray(cv2.undistort(grey(image), camera.intrinsics, np.array(camera.distortion)), np.uint8)
+    return np.asarray(cv2.undistort(grey(image), camera.intrinsics, camera.lens), np.uint8)
 
 
 def common_point(lines: Segments, camera: Camera) -> Array:

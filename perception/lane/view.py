@@ -81,5 +81,6 @@ def undistortion_maps(working: Camera) -> tuple[cv2.typing.MatLike, cv2.typing.M
     if not any(working.distortion):
         return None
     size = (working.width_px, working.height_px)
-    intrinsics, distortion = working.intrinsics, np.array(working.distortion)
-    return cv2.initUndistortRectifyMap(intrinsics, distortion, np.eye(3), intrinsics, size, cv2.CV_16SC2)
+    return cv2.initUndistortRectifyMap(
+        working.intrinsics, working.lens, np.eye(3), working.intrinsics, size, cv2.CV_16SC2
+    )

@@ -74,7 +74,5 @@ def strip_pixels(camera: Camera, distance_m: float) -> NDArray[np.float64]:
     points[..., 1] = left_m
     points[..., 2] = up_m[:, None] - camera.height_m
     optical = points.reshape(-1, 3) @ camera.optical_from_vehicle.T
-    pixels, _ = cv2.projectPoints(
-        optical, np.zeros(3), np.zeros(3), camera.intrinsics, np.array(camera.distortion, float)
-    )
+    pixels, _ = cv2.projectPoints(optical, np.zeros(3), np.zeros(3), camera.intrinsics, camera.lens)
     return np.asarray(np.reshape(pixels, (ROWS, COLUMNS, 2)), float)

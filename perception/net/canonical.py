@@ -61,7 +61,7 @@ class CanonicalView:
         source = camera.resized(*self._size)
         self._map, self._fractions = cv2.initUndistortRectifyMap(
             source.intrinsics,
-            np.array(camera.distortion or [0.0] * 5),
+            camera.lens,
             canonical.optical_from_vehicle @ camera.optical_from_vehicle.T,
             fine.intrinsics,
             (fine.width_px, fine.height_px),

@@ -86,9 +86,7 @@ class Pipeline:
             self._camera = self._camera.resized(width_px, height_px)
         picture, view, camera = as_bgr(image), camera_view(self._camera), self._camera
         if any(camera.distortion):
-            picture = np.asarray(
-                cv2.undistort(picture, camera.intrinsics, np.array(camera.distortion)), np.uint8
-            )
+            picture = np.asarray(cv2.undistort(picture, camera.intrinsics, camera.lens), np.uint8)
         if width_px > WORKING_WIDTH_PX:
             size = (WORKING_WIDTH_PX, max(1, round(height_px * WORKING_WIDTH_PX / width_px)))
             picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
@@ -218,6 +216,6 @@ def _distorted(ground_m: Array, camera: Camera) -> Array:
     if not len(rays):
         return np.empty((0, 2))
     zero = np.zeros(3)
-    distortion = np.array(camera.distortion or [0.0] * 4)
+    distortion = camera.lens
     pixels, _ = cv2.projectPoints(rays, zero, zero, camera.intrinsics, distortion)
     return np.asarray(pixels, float).reshape(-1, 2)

@@ -202,8 +202,7 @@ def undistorted(image: Image, camera: Camera) -> Image:
     """``image`` of ``camera`` without the distortion of its lens."""
     if not any(camera.distortion):
         return image
-    distortion = np.array(camera.distortion, float)
-    return cv2.undistort(image, camera.intrinsics, distortion).astype(np.uint8, copy=False)
+    return cv2.undistort(image, camera.intrinsics, camera.lens).astype(np.uint8, copy=False)
 
 
 def _smooth(values: Array, count: int) -> Array:

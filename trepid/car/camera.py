@@ -7,11 +7,12 @@ Hartley and Zisserman, Multiple View Geometry (2004), chapters 6 and 8.
 """
 
 import math
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from trepid.config import Settings
 from trepid.types import Array, Positive
@@ -28,17 +29,31 @@ class Camera(Settings):
     fy_px: Positive
     cx_px: float
     cy_px: float
-    distortion: Annotated[tuple[float, ...], Field(max_length=5)] = ()
+    distortion: Annotated[tuple[float, ...], Field(max_length=8)] = ()  # k1 k2 p1 p2 k3 k4 k5 k6 of OpenCV
     x_m: float  # ahead of the rear axle
     y_m: float  # left of the centre line
     height_m: Positive
     pitch_down_rad: Annotated[float, Field(gt=-PITCH_BOUND_RAD, lt=PITCH_BOUND_RAD)]
     yaw_rad: float
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_ros(cls, data: Any) -> Any:
+        """Raises ValueError for the fields of a camera_info of ROS."""
+        if isinstance(data, Mapping) and {"camera_matrix", "distortion_model"} & data.keys():
+            raise ValueError("is a camera_info of ROS; `trepid camera import` makes a camera file of it")
+        return data
+
     @property
     def intrinsics(self) -> Array:
         """K, shape (3, 3)."""
         return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1.0]])
+
+    @property
+    def lens(self) -> Array:
+        """The distortion with zeros for terms that are left out, shape (5,) or (8,): OpenCV takes these."""
+        count = 5 if len(self.distortion) <= 5 else 8
+        return np.array((*self.distortion, *[0.0] * (count - len(self.distortion))), np.float64)
 
     @property
     def optical_from_vehicle(self) -> Array:

@@ -58,9 +58,7 @@ def _distorted_columns(columns: Array, at_rows: Array, rows: Array, camera: Came
             np.ones(np.count_nonzero(seen)),
         ]
     )
-    pixels, _ = cv2.projectPoints(
-        rays, np.zeros(3), np.zeros(3), camera.intrinsics, np.array(camera.distortion)
-    )
+    pixels, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), camera.intrinsics, camera.lens)
     u, v = pixels[:, 0, 0], pixels[:, 0, 1]
     return np.interp(-rows, -v, u, left=np.nan, right=np.nan)
 

@@ -19,6 +19,7 @@ WITH_CAR = [
     "train",
     "train-lead",
     "camera calibrate",
+    "camera import",
     "fear tune",
     "vehicle steer",
     "vehicle identify",

@@ -26,7 +26,7 @@ MUD_BGR = (0.55, 0.72, 0.85)
 
 
 class Distortion:
-    """Distortion of Brown (1966) and Conrady (1919) in OpenCV's form: k1 k2 p1 p2 k3.
+    """Distortion of Brown (1966) and Conrady (1919) in OpenCV's form: k1 k2 p1 p2 k3 k4 k5 k6.
 
     The scene is rendered by ``pinhole``, an undistorted camera that covers the field of view of the lens, and then
     warped.
@@ -60,7 +60,7 @@ def undistorted(camera: Camera, pixel: Array) -> Array:
     """Pixels (n, 2) of the undistorted image from those of the camera's own image."""
     criteria = (cv2.TERM_CRITERIA_COUNT, FIXED_POINT_STEPS, 0.0)
     points = cv2.undistortPoints(
-        pixel[:, None], camera.intrinsics, _coefficients(camera), P=camera.intrinsics, criteria=criteria
+        pixel[:, None], camera.intrinsics, camera.lens, P=camera.intrinsics, criteria=criteria
     )
     return np.asarray(points[:, 0], np.float64)
 
@@ -69,13 +69,8 @@ def distorted(camera: Camera, pixel: Array) -> Array:
     """Pixels (n, 2) of the camera's own image from those of the undistorted image."""
     normalised = (pixel - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
     rays, zero = np.column_stack([normalised, np.ones(len(pixel))]), np.zeros(3)
-    points, _ = cv2.projectPoints(rays[:, None], zero, zero, camera.intrinsics, _coefficients(camera))
+    points, _ = cv2.projectPoints(rays[:, None], zero, zero, camera.intrinsics, camera.lens)
     return np.asarray(points[:, 0], np.float64)
-
-
-def _coefficients(camera: Camera) -> Array:
-    """k1 k2 p1 p2 k3, with zeros for those that the camera leaves out: OpenCV takes no fewer than four."""
-    return np.array((*camera.distortion, 0, 0, 0, 0, 0)[:5], np.float64)
 
 
 class StrayLight:

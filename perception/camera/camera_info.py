@@ -1,0 +1,239 @@
+"""``camera_info`` files of ROS as cameras: as camera_calibration writes and ``ros2 topic echo`` prints them.
+
+Both state the intrinsics K of the full sensor, the lens model and its coefficients. Of an image the region of
+interest is read out first, then pixels are binned (sensor_msgs/CameraInfo). The lens models are:
+
+- ``plumb_bob``: k1 k2 p1 p2 k3 of Brown and Conrady, as in :class:`trepid.car.camera.Camera`.
+- ``rational_polynomial``: k1 k2 p1 p2 k3 k4 k5 k6, the same with a quotient of polynomials.
+- ``equidistant``: a fisheye by Kannala and Brandt, IEEE PAMI 28(8), 2006,
+  r_d = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) at the angle θ from the axis. A quotient of polynomials in
+  r = tan θ is fitted to it up to the corner of the image, at most to MOST_RAD.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt
+
+from trepid.car.camera import Camera
+from trepid.config import InputError, parse, read_first
+from trepid.types import Array
+
+MOST_RAD = math.radians(75.0)  # from the axis; a plane image beyond is more than 3.7 focal lengths away
+FIT_PX = 0.5  # largest error of a fitted lens
+SKEW_PX = 0.5  # over the height of the image, that a camera without skew may have
+ANGLES, ROUNDS = 400, 20  # of the fit
+
+Nine = Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
+
+
+class _Part(BaseModel):
+    """A part of a file that may have further fields."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+class Matrix(_Part):
+    """A matrix of camera_calibration."""
+
+    data: tuple[float, ...]
+
+
+class NineMatrix(_Part):
+    """A matrix with three rows and columns."""
+
+    data: Nine
+
+
+class Region(_Part):
+    """The part of the sensor that is read out; without size: all of it."""
+
+    x_offset: NonNegativeInt = 0
+    y_offset: NonNegativeInt = 0
+    height: NonNegativeInt = 0
+    width: NonNegativeInt = 0
+
+
+class Message(_Part):
+    """``sensor_msgs/CameraInfo`` of ROS 2, or of ROS 1 with D and K."""
+
+    height: PositiveInt
+    width: PositiveInt
+    distortion_model: str = ""
+    d: tuple[float, ...] = Field(default=(), validation_alias=AliasChoices("d", "D"))
+    k: Nine = Field(validation_alias=AliasChoices("k", "K"))
+    binning_x: NonNegativeInt = 0
+    binning_y: NonNegativeInt = 0
+    roi: Region = Region()
+
+
+class Calibration(_Part):
+    """A file of camera_calibration_parsers."""
+
+    image_height: PositiveInt
+    image_width: PositiveInt
+    distortion_model: str = ""
+    distortion_coefficients: Matrix = Matrix(data=())
+    camera_matrix: NineMatrix
+
+    def message(self) -> Message:
+        """The same as a message."""
+        return Message(
+            height=self.image_height,
+            width=self.image_width,
+            distortion_model=self.distortion_model,
+            d=self.distortion_coefficients.data,
+            k=self.camera_matrix.data,
+        )
+
+
+class Imported(NamedTuple):
+    """A camera whose lens is that of a file, and how it is stated there."""
+
+    camera: Camera
+    model: str
+    fit_px: float | None  # largest error of a fitted lens; None: as stated
+
+
+def import_camera(path: Path, mounting: Camera) -> Imported:
+    """The camera of the camera_info at ``path``, mounted as ``mounting``. Raises InputError with its place."""
+    data = read_first(path)
+    message = (
+        parse(data, Calibration, source=path).message()
+        if "camera_matrix" in data or "image_width" in data
+        else parse(data, Message, source=path)
+    )
+    fx_px, skew, cx_px, _, fy_px, cy_px, *_ = message.k
+    if not (fx_px > 0 and fy_px > 0):
+        raise InputError(
+            f"{path}: the focal length is {fx_px:g} x {fy_px:g} px: the camera is not calibrated"
+        )
+    if abs(skew) * message.height / fy_px > SKEW_PX:
+        raise InputError(f"{path}: a skew of {skew:g} px: only cameras with upright pixels can be imported")
+    name, needs, lens = _lens_model(message, path)
+    coefficients = _stripped(message.d)
+    if len(coefficients) > needs:
+        raise InputError(f"{path}: {name} has {needs} coefficients, got {len(message.d)}")
+    corner = float(
+        np.hypot(
+            max(cx_px, message.width - 1 - cx_px) / fx_px, max(cy_px, message.height - 1 - cy_px) / fy_px
+        )
+    )
+    distortion, error = lens((*coefficients, *[0.0] * (needs - len(coefficients))), corner)
+    fit_px = None if error is None else error * max(fx_px, fy_px)
+    if fit_px is not None and not fit_px <= FIT_PX:
+        raise InputError(f"{path}: {name}: no lens of a camera file comes within {FIT_PX:g} px of it")
+    full = mounting.model_copy(
+        update={
+            "width_px": message.width,
+            "height_px": message.height,
+            "fx_px": fx_px,
+            "fy_px": fy_px,
+            "cx_px": cx_px,
+            "cy_px": cy_px,
+            "distortion": distortion,
+        }
+    )
+    return Imported(Camera.model_validate(_read_out(full, message).model_dump()), name, fit_px)
+
+
+def _read_out(camera: Camera, message: Message) -> Camera:
+    """The camera of the region of interest, binned."""
+    roi = message.roi
+    region = camera.model_copy(
+        update={
+            "width_px": roi.width or camera.width_px,
+            "height_px": roi.height or camera.height_px,
+            "cx_px": camera.cx_px - roi.x_offset,
+            "cy_px": camera.cy_px - roi.y_offset,
+        }
+    )
+    return region.resized(
+        region.width_px // max(message.binning_x, 1), region.height_px // max(message.binning_y, 1)
+    )
+
+
+Lens = Callable[[Sequence[float], float], tuple[tuple[float, ...], float | None]]
+"""Coefficients and the radius of the corner to those of a camera file, and the largest error of the fit."""
+
+
+def _lens_model(message: Message, path: Path) -> tuple[str, int, Lens]:
+    """Name, number of coefficients, and conversion of a lens model. Raises InputError."""
+    name = message.distortion_model or "plumb_bob"
+    if name not in LENSES:
+        known = ", ".join(LENSES)
+        raise InputError(f"{path}: distortion_model {name!r}; known: {known}")
+    return name, *LENSES[name]
+
+
+def _as_stated(coefficients: Sequence[float], _: float) -> tuple[tuple[float, ...], None]:
+    return _stripped(coefficients), None
+
+
+def _stripped(coefficients: Sequence[float]) -> tuple[float, ...]:
+    """``coefficients`` without zeros at the end, which some drivers add."""
+    count = max((at for at, value in enumerate(coefficients, start=1) if value), default=0)
+    return tuple(coefficients[:count])
+
+
+def _fitted(coefficients: Sequence[float], corner: float) -> tuple[tuple[float, ...], float]:
+    """k1 k2 0 0 k3 k4 k5 k6 of the fisheye with these four coefficients, and the largest error [focal lengths].
+
+    Σ (r (1 + a1 s + a2 s² + a3 s³)/(1 + b1 s + b2 s² + b3 s³) − r_d)², s = r², is minimised by linear least squares
+    whose weights are the denominators of the round before (Sanathanan and Koerner, IEEE TAC 8(1), 1963).
+    """
+    powers = 2 * np.arange(1, 5)
+
+    def radius(angle: Array) -> Array:
+        return np.asarray(angle * (1.0 + np.power.outer(angle, powers) @ np.asarray(coefficients)))
+
+    angles = np.linspace(0.0, MOST_RAD, ANGLES + 1)[1:]
+    beyond = np.flatnonzero(radius(angles) >= corner)
+    angles = np.linspace(0.0, angles[beyond[0]] if len(beyond) else MOST_RAD, ANGLES + 1)[1:]
+    plane, bent = np.tan(angles), radius(angles)
+    if (np.diff(bent) <= 0.0).any():
+        return (), math.inf  # two rays at one pixel
+    # With all terms of a lens that needs few, the denominator may have a zero that the numerator cancels.
+    return min((_quotient(plane, bent, terms) for terms in (3, 2, 1)), key=lambda found: found[1])
+
+
+def _quotient(plane: Array, bent: Array, terms: int) -> tuple[tuple[float, ...], float]:
+    """The quotient with ``terms`` in numerator and denominator for the radii ``bent`` at ``plane``, and its error.
+
+    The error of a quotient with a zero in its denominator is infinite.
+    """
+    square, ratio, weight = plane**2, bent / plane, np.ones_like(plane)
+    powers = np.stack([square**power for power in range(1, terms + 1)], axis=1)
+    best: tuple[tuple[float, ...], float] = (), math.inf
+    for _ in range(ROUNDS):
+        rows = np.hstack([powers, -ratio[:, None] * powers]) * (weight * plane)[:, None]
+        scale = np.linalg.norm(rows, axis=0)
+        found = np.linalg.lstsq(rows / scale, (ratio - 1.0) * weight * plane, rcond=1e-14)[0] / scale
+        above, below = 1.0 + powers @ found[:terms], 1.0 + powers @ found[terms:]
+        error = float(np.abs(plane * above / below - bent).max())
+        if below.min() > 0.0 and error < best[1]:
+            k = np.zeros((2, 3))
+            k[:, :terms] = found.reshape(2, terms)
+            best = (*k[0, :2].tolist(), 0.0, 0.0, float(k[0, 2]), *k[1].tolist()), error
+        weight = 1.0 / np.abs(below)
+    return best
+
+
+LENSES: dict[str, tuple[int, Lens]] = {
+    "plumb_bob": (5, _as_stated),
+    "rational_polynomial": (8, _as_stated),
+    "equidistant": (4, _fitted),
+    "fisheye": (4, _fitted),
+}
+
+
+def describe(found: Imported, path: Path, mounting: Path) -> dict[str, str]:
+    """Notes on the source of lens and mounting."""
+    fit = "" if found.fit_px is None else f", fitted within {found.fit_px:.2g} px"
+    return {
+        "lens": f"lens: {path.name}, {found.model}{fit}",
+        "mounting": f"mounting: of {mounting.name}; camera_info does not state it",
+    }

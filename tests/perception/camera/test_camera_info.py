@@ -1,0 +1,164 @@
+"""``trepid camera import``: a camera_info of ROS and the camera file show every ray at the same pixel."""
+
+import json
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from perception.camera.camera_info import import_camera
+from perception.camera.cli import app
+from trepid.car.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+
+MOUNTING = load(CONFIG_DIR / "camera.yaml", Camera)
+K = np.array([[431.5, 0.0, 318.2], [0.0, 433.1, 243.9], [0.0, 0.0, 1.0]])
+PLUMB_BOB = (-0.36, 0.11, 0.001, -0.0005, 0.002)
+RATIONAL = (0.61, -0.28, 0.0004, -0.0003, 0.011, 0.97, -0.14, 0.002)
+FISHEYE = (-0.0046, 0.0408, -0.0389, 0.0066)
+LENSES = {
+    "plumb_bob": PLUMB_BOB,
+    "rational_polynomial": RATIONAL,
+    "equidistant": FISHEYE,
+}
+
+
+def calibration(path: Path, model: str, d: tuple[float, ...], k: np.ndarray = K) -> Path:
+    """As camera_calibration_parsers writes it."""
+    path.write_text(
+        f"image_width: 640\nimage_height: 480\ncamera_name: front\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+        f"  data: {k.ravel().tolist()}\ndistortion_model: {model}\ndistortion_coefficients:\n  rows: 1\n"
+        f"  cols: {len(d)}\n  data: {list(d)}\nrectification_matrix:\n  rows: 3\n  cols: 3\n"
+        f"  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n"
+    )
+    return path
+
+
+def echoed(path: Path, model: str, d: tuple[float, ...], *, upper: bool = False, more: str = "") -> Path:
+    """As ``ros2 topic echo`` and ``rostopic echo`` print it, message after message."""
+    names = "DK" if upper else "dk"
+    one = (
+        f"header:\n  stamp:\n    sec: 1\n    nanosec: 2\n  frame_id: front\nheight: 480\nwidth: 640\n"
+        f"distortion_model: {model}\n{names[0]}: {list(d)}\n{names[1]}:\n"
+        + "".join(f"- {value}\n" for value in K.ravel().tolist())
+        + f"{more}---\n"
+    )
+    path.write_text(one + one)
+    return path
+
+
+def rays(most_rad: float) -> np.ndarray:
+    """Directions (x, y, 1) up to ``most_rad`` from the axis, shape (n, 3)."""
+    angle, around = np.meshgrid(np.linspace(0.0, most_rad, 30), np.linspace(0.0, 2 * math.pi, 24))
+    r = np.tan(angle).ravel()
+    return np.column_stack([r * np.cos(around.ravel()), r * np.sin(around.ravel()), np.ones(r.size)])
+
+
+def shown(camera: Camera, points: np.ndarray) -> np.ndarray:
+    pixels, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.intrinsics, camera.lens)
+    return pixels[:, 0]
+
+
+def stated(model: str, d: tuple[float, ...], points: np.ndarray) -> np.ndarray:
+    """OpenCV's own projection by the model of the file."""
+    if model == "equidistant":
+        pixels = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), K, np.array(d))[0]
+        return pixels[:, 0]
+    return cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, np.array(d))[0][:, 0]
+
+
+def inside(pixels: np.ndarray) -> np.ndarray:
+    return ((pixels >= 0) & (pixels <= (639, 479))).all(axis=1)
+
+
+@pytest.mark.parametrize("write", [calibration, echoed])
+@pytest.mark.parametrize("model", LENSES)
+def test_every_ray_is_at_the_pixel_that_the_model_of_the_file_states(tmp_path, model, write):
+    found = import_camera(write(tmp_path / "info.yaml", model, LENSES[model]), MOUNTING)
+    points = rays(math.radians(40.0))
+    expected = stated(model, LENSES[model], points)
+    seen = inside(expected)
+    assert seen.sum() > 300
+    off_px = np.abs(shown(found.camera, points) - expected)[seen].max()
+    assert off_px <= (found.fit_px or 1e-6) * (1 + 1e-3) + 1e-6
+    assert (found.fit_px is None) == (model != "equidistant")
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.tuples(*[st.floats(-0.05, 0.05)] * 4), st.floats(120.0, 800.0))
+def test_a_fisheye_is_fitted_within_what_is_said_over_the_whole_image(tmp_path_factory, d, focal_px):
+    angles = np.linspace(0.0, math.radians(75.0), 500)
+    assume((np.diff(angles * (1 + np.power.outer(angles, [2, 4, 6, 8]) @ d)) > 0).all())
+    k = np.array([[focal_px, 0.0, 320.0], [0.0, focal_px, 240.0], [0.0, 0.0, 1.0]])
+    file = calibration(tmp_path_factory.mktemp("f") / "info.yaml", "equidistant", d, k)
+    found = import_camera(file, MOUNTING)
+    points = rays(math.radians(74.9))
+    pixels = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), k, np.array(d))[0][:, 0]
+    seen = inside(pixels)
+    assert found.fit_px is not None and found.fit_px <= 0.5
+    assert np.abs(shown(found.camera, points) - pixels)[seen].max() <= 2 * found.fit_px + 1e-3
+
+
+def test_region_of_interest_and_binning_move_every_pixel_as_the_sensor_does(tmp_path):
+    more = (
+        "binning_x: 2\nbinning_y: 2\nroi:\n  x_offset: 40\n  y_offset: 80\n  height: 320\n  width: 560\n"
+        "  do_rectify: false\n"
+    )
+    found = import_camera(echoed(tmp_path / "info.yaml", "plumb_bob", PLUMB_BOB, more=more), MOUNTING)
+    assert (found.camera.width_px, found.camera.height_px) == (280, 160)
+    points = rays(math.radians(15.0))
+    full = stated("plumb_bob", PLUMB_BOB, points)
+    assert shown(found.camera, points) == pytest.approx((full - (40, 80) + 0.5) / 2 - 0.5, abs=1e-6)
+
+
+def test_messages_of_ros_1_and_zeros_at_the_end_mean_the_same(tmp_path):
+    one = import_camera(echoed(tmp_path / "a.yaml", "plumb_bob", PLUMB_BOB), MOUNTING)
+    other = import_camera(
+        echoed(tmp_path / "b.yaml", "plumb_bob", (*PLUMB_BOB, 0.0, 0.0, 0.0), upper=True), MOUNTING
+    )
+    assert one.camera == other.camera
+    assert one.camera.height_m == MOUNTING.height_m
+
+
+@pytest.mark.parametrize(
+    ("model", "d", "k", "said"),
+    [
+        ("thin_prism", PLUMB_BOB, K, "distortion_model 'thin_prism'; known: plumb_bob, rational_polynomial, equi"),
+        ("plumb_bob", RATIONAL, K, "plumb_bob has 5 coefficients, got 8"),
+        ("equidistant", (0.1,) * 5, K, "equidistant has 4 coefficients, got 5"),
+        ("plumb_bob", PLUMB_BOB, np.zeros((3, 3)), "the focal length is 0 x 0 px: the camera is not calibrated"),
+        ("plumb_bob", PLUMB_BOB, K[:2], "camera_matrix.data: Tuple should have at least 9 items"),
+        ("plumb_bob", PLUMB_BOB, K + 5 * np.eye(3, k=1), "a skew of 5 px"),
+        ("equidistant", (-0.9, 0.0, 0.0, 0.0), 0.5 * K, "no lens of a camera file comes within 0.5 px of it"),
+    ],
+)  # fmt: skip
+def test_what_no_camera_file_can_hold_is_refused_in_one_line(tmp_path, model, d, k, said):
+    path = calibration(tmp_path / "info.yaml", model, d, k)
+    with pytest.raises(InputError) as refused:
+        import_camera(path, MOUNTING)
+    assert str(refused.value).startswith(str(path)) and said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_verb_writes_a_camera_file_that_loads_as_the_camera(tmp_path):
+    info, out = calibration(tmp_path / "info.yaml", "equidistant", FISHEYE), tmp_path / "camera.yaml"
+    words = ["import", str(info), "--width", "320", "--out", str(out), "--json"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    printed, written = json.loads(done.stdout), load(out, Camera)
+    assert printed["model"] == "equidistant" and printed["fit_px"] < 0.5
+    points = rays(math.radians(40.0))
+    exact = import_camera(info, MOUNTING).camera.resized(320, 240)
+    seen = inside(shown(exact, points))
+    assert np.abs(shown(written, points) - shown(exact, points))[seen].max() < 0.01
+    assert isinstance(CliRunner().invoke(app, words).exception, InputError), "never overwritten"
+
+
+def test_a_camera_info_in_place_of_a_camera_file_is_told_its_way(tmp_path):
+    with pytest.raises(InputError, match=r"info\.yaml:1:1: is a camera_info of ROS; `trepid camera import`"):
+        load(calibration(tmp_path / "info.yaml", "plumb_bob", PLUMB_BOB), Camera)
