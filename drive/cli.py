@@ -214,7 +214,7 @@ def status(log: "DriveLog", fleet: "Fleet", *, elapsed_s: float) -> "Group":
             name,
             str(child.popen.pid),
             escape(values.get("rate_hz", "-")),
-            f"{log.now_s() - beat.t_s:.1f} s" if beat else "-",
+            f"{log.now_s() - beat.t_s:z.1f} s" if beat else "-",
             escape(values.get("cpu_percent", "-")),
             str(child.restarts),
             escape(beat.message) if beat else "starting" if child.alive else "ended",
@@ -226,20 +226,20 @@ def driving_line(log: "DriveLog", *, elapsed_s: float) -> "Text":
     """One line: time, place, speed, lateral error, mode, fear and its cause, and what a standing car waits for."""
     from rich.text import Text
 
-    text = Text(f"t {elapsed_s:6.1f} s")
+    text = Text(f"t {elapsed_s:z6.1f} s")
     if log.waiting:
         return text.append(f"  {log.waiting}")
     truth, state, decision = log.truth, log.state, log.decision
     if truth is not None:
-        text.append(f"  at {truth.station_m:6.1f} m ({truth.section})")
-        text.append(f"  error {truth.lateral_offset_m:+.2f} m")
+        text.append(f"  at {truth.station_m:z6.1f} m ({truth.section})")
+        text.append(f"  error {truth.lateral_offset_m:+z.2f} m")
     if state is not None and state.speed_mps is not None:
-        text.append(f"  speed {state.speed_mps:4.1f} m/s")
+        text.append(f"  speed {state.speed_mps:z4.1f} m/s")
     if decision is not None:
         colour = FEAR_COLOURS.get(decision.level, "white")
         cause = concerning(decision.cause, decision.part)
         text.append(f"  {decision.mode}", style="bold")
-        text.append(f"  fear {decision.fear:.2f} {decision.level}: {cause}", style=colour)
+        text.append(f"  fear {decision.fear:z.2f} {decision.level}: {cause}", style=colour)
     if log.waits_for:
         text.append(f"  {log.waits_for}", style="bold")
     return text
@@ -281,7 +281,7 @@ def summary(row: dict[str, Any]) -> "Table":
 
 def _text(value: object) -> str:
     if isinstance(value, float):
-        return f"{value:.3f}"
+        return f"{value:z.3f}"
     if isinstance(value, dict):
         return ", ".join(f"{key} {_text(item)}" for key, item in value.items())
     return "-" if value is None else str(value)

@@ -1,6 +1,8 @@
 """The ``sim`` verbs: scenarios and their lock-step runs."""
 
 import json
+import sys
+import textwrap
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -63,7 +65,7 @@ def list_verb(
     car: Car = None,
     as_json: AsJson = False,
 ) -> int:
-    """List the scenarios, one a line and shortened to the width of the terminal."""
+    """List the scenarios: name, tags and description, wrapped at the width of a terminal, else one a line."""
     scenarios = tagged(list(select(names, [], {}).scenarios) if names else list_scenarios(), tags or [])
     if not scenarios:
         raise InputError(no_tagged(tags or []))
@@ -75,16 +77,20 @@ def list_verb(
             tag_names = ", ".join(scenario.tags)
             print(f"{scenario.name} ({tag_names}; at most {scenario.duration_s:g} s): {scenario.description}")
     else:
+        width = Console().width if sys.stdout.isatty() else None
         for scenario in scenarios:
-            print(scenario_line(scenario, Console().width))
+            print(scenario_text(scenario, width))
     return 0
 
 
-def scenario_line(scenario: Scenario, width: int) -> str:
-    """Name, tags and description of a scenario, cut to ``width`` characters."""
-    tag_names = ",".join(scenario.tags)
-    line = f"{scenario.name:<22} {tag_names:<14} {scenario.description}"
-    return line if len(line) <= width else line[: width - 1] + "…"
+def scenario_text(scenario: Scenario, width: int | None) -> str:
+    """Name, tags and the whole description, in lines of at most ``width`` characters; None: in one line."""
+    head = f"{scenario.name:<22} {','.join(scenario.tags):<14} "
+    line = head + scenario.description
+    if width is None:
+        return line
+    indent = " " * min(len(head), width // 2)
+    return textwrap.fill(line, width, subsequent_indent=indent, break_on_hyphens=False)
 
 
 @app.command("run")

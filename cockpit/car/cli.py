@@ -46,9 +46,14 @@ def doctor(
 
 
 def findings() -> Iterator[Finding]:
-    """The finding of each check, as soon as it is known."""
+    """The finding of each check, as soon as it is known; a fault that stops several checks is said by the first."""
+    said: set[str] = set()
     for check in CHECKS:
-        yield check()
+        finding = check()
+        if finding.ok or finding.message not in said:
+            yield finding
+        if not finding.ok:
+            said.add(finding.message)
 
 
 def show(finding: Finding) -> None:

@@ -109,7 +109,9 @@ def _panel(canvas: Image, estimate: SteeringEstimate, colour: Colour) -> Image:
     top, bottom = round(24 * unit), round(36 * unit)
     cv2.rectangle(canvas, (x, top), (x + bar, bottom), (80, 80, 80), -1)
     cv2.rectangle(canvas, (x, top), (x + round(bar * at_least(estimate.confidence, 0.0)), bottom), colour, -1)
-    text(canvas, f"{estimate.confidence:.2f}", (x + round(34 * unit), round(34.5 * unit)), 0.36 * unit, WHITE)
+    text(
+        canvas, f"{estimate.confidence:z.2f}", (x + round(34 * unit), round(34.5 * unit)), 0.36 * unit, WHITE
+    )
     if estimate.reason:
         text(canvas, estimate.reason, (round(12 * unit), round(62 * unit)), 0.45 * unit, colour)
     return canvas
@@ -118,11 +120,11 @@ def _panel(canvas: Image, estimate: SteeringEstimate, colour: Colour) -> Image:
 def _numbers(estimate: SteeringEstimate) -> list[tuple[str, str]]:
     heading, wheel = estimate.heading_error_rad, estimate.road_wheel_angle_rad
     return [
-        ("offset", number(estimate.lateral_offset_m, "{:+.2f} m")),
-        ("heading", number(None if heading is None else math.degrees(heading), "{:+.1f} deg")),
-        ("curvature", number(estimate.curvature_1pm, "{:+.4f} 1/m")),
-        ("wheel angle", number(None if wheel is None else math.degrees(wheel), "{:+.1f} deg")),
-        ("lane width", number(estimate.lane_width_m, "{:.2f} m")),
+        ("offset", number(estimate.lateral_offset_m, "{:+z.2f} m")),
+        ("heading", number(None if heading is None else math.degrees(heading), "{:+z.1f} deg")),
+        ("curvature", number(estimate.curvature_1pm, "{:+z.4f} 1/m")),
+        ("wheel angle", number(None if wheel is None else math.degrees(wheel), "{:+z.1f} deg")),
+        ("lane width", number(estimate.lane_width_m, "{:z.2f} m")),
     ]
 
 

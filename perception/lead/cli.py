@@ -111,7 +111,7 @@ def drawn(one: FrameResult[Leads]) -> Image:
         cv2.rectangle(canvas, (left, top), (right, bottom), PANEL, 2 + max(1, round(unit)), cv2.LINE_AA)
         cv2.rectangle(canvas, (left, top), (right, bottom), colour, max(1, round(unit)), cv2.LINE_AA)
         name = "" if detection.kind == VEHICLE else f"{detection.kind}  "
-        words = f"{name}{detection.ahead_m:.0f} m  {detection.confidence:.2f}"
+        words = f"{name}{detection.ahead_m:z.0f} m  {detection.confidence:z.2f}"
         labels.append((words, (left, top - round(6 * unit) if leads else bottom + round(18 * unit))))
     for words, place in labels:
         label(canvas, words, place, 0.45 * unit)
@@ -141,7 +141,7 @@ def as_row(one: FrameResult[Leads]) -> dict[str, Any]:
             {
                 "kind": d.kind,
                 "ahead_m": round(d.ahead_m, 2),
-                "left_m": round(d.left_m, 2),
+                "left_m": round(d.left_m, 2) + 0.0,  # never -0.0
                 "width_m": round(d.width_m, 2),
                 "confidence": round(d.confidence, 3),
                 "box_px": [round(value, 1) for value in d.pixels(one.camera) or ()] or None,
@@ -156,9 +156,9 @@ def _cells(one: FrameResult[Leads]) -> list[str]:
     return [
         one.path.name,
         str(one.number),
-        *("-" if value is None else f"{value:.1f}" for value in (lead.distance_m, lead.lateral_m)),
-        f"{lead.confidence:.2f}",
+        *("-" if value is None else f"{value:z.1f}" for value in (lead.distance_m, lead.lateral_m)),
+        f"{lead.confidence:z.2f}",
         str(sum(d.confidence >= LEAD_STILL_CONFIDENCE and d.kind == VEHICLE for d in detections)),
         str(sum(d.confidence >= LEAD_STILL_CONFIDENCE and d.kind != VEHICLE for d in detections)),
-        f"{one.latency_ms:.1f}",
+        f"{one.latency_ms:z.1f}",
     ]

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -7,11 +8,12 @@ import pytest
 from drawn_road_rig import CAMERA, look
 from driving_network_rig import write_network
 
-from perception.cli import as_row, estimate
+from perception.cli import _cells, as_row, estimate
 from perception.images.frames import FrameResult
 from perception.images.sources import Clip, sources
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import SteeringEstimate
 
 FIELDS = [
     "file",
@@ -208,3 +210,10 @@ def test_a_driving_network_gives_angles_alone_and_with_the_supervisor(folder, tm
     assert all(abs(row["road_wheel_angle_rad"]) < 1 and row["lateral_offset_m"] is None for row in rows)
     estimate([folder], estimator=network, fear=True, speed=5.0, as_json=True)
     assert [list(row["estimates"]) for row in lines(capsys)] == [["cv", "cnn", "turn"]] * 2
+
+
+def test_a_number_that_rounds_to_zero_is_printed_without_a_minus():
+    nothing = SteeringEstimate.nothing(0.0, estimator="cv", lookahead_m=8.0, reason="")
+    tiny = replace(nothing, lateral_offset_m=-0.0004, heading_error_rad=-1e-6, curvature_1pm=-1e-6)
+    cells = _cells(FrameResult(Path("a.png"), 0, 0.0, np.zeros((9, 9, 3), np.uint8), CAMERA, tiny, 1.0))
+    assert cells[2:5] == ["+0.00", "+0.00", "+0.0000"]

@@ -230,6 +230,12 @@ def test_a_failed_check_gives_exit_code_1_and_json_has_its_fields(
     assert "-> wipe it" in capsys.readouterr().out
 
 
+def test_a_fault_that_stops_several_checks_is_said_once_by_the_first(car: Path) -> None:
+    (car / "vehicle.yaml").write_text("wheelbase_m: -1\n")
+    failed = [finding for finding in doctor_cli.findings() if "wheelbase_m" in finding.message]
+    assert [finding.check for finding in failed] == ["configuration"]
+
+
 def test_the_simulated_car_needs_neither_camera_nor_actuator() -> None:
     assert "simulated" in devices.camera().message
     assert "simulated" in devices.actuator().message
