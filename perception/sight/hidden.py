@@ -17,6 +17,9 @@ by τ pixels,
 
 too near. Before the bend this error is left: it is about as large as that of 2·t, and opposite.
 
+The lane as it is expected bends by its sag p up to the base, and meets the line of sight at (1 + c/p) times the
+distance of the base: the nearer of the two counts.
+
 Such a thing is told from one beside a straight road by two facts. It hides the horizon: the image does not step
 there, as it does where ground meets trees or sky. And either the lane bends towards it, or the lane as it is
 expected looks as the ground beside the road, between the thing and the place where the line of sight meets it.
@@ -40,7 +43,7 @@ from trepid.types import Array, Image
 ROAD_HALF_M = 1.2  # of the ground of the lane that gives the look of the road
 BESIDE_M = (5.5, 14.0)  # ground beside the road
 SAMPLE_M = (20.0, 6.0)  # distances of this ground from the lens
-SAMPLE_ROWS = 12
+SAMPLE_ROWS = 10
 LEAST_ROWS = 3  # of a thing in the image before the ground that it stands on, for its shadow
 LEAVES_PX = 4.0  # τ: an edge is at most two columns wide to both sides
 WITHIN = 0.5  # sag of the lane over c where a base that is seen too near by 0.7 lies within a bend
@@ -136,16 +139,14 @@ class HiddenRoad:
 
     def _beside_it(self, image: Image, path: Path, edges: list[Edge]) -> Iterator[End]:
         """Ends behind the nearest side on the left and on the right of the lane."""
+        left_m = self._left_m(path, edges)
         for side in (1.0, -1.0):
-            found = [
-                (aside_m, edge)
-                for edge in edges
-                if 0.0 < (aside_m := self._aside_m(path, edge, side)) <= self._settings.beside_m
-            ]
-            if not found:
+            found = np.flatnonzero((side * left_m > 0.0) & (side * left_m <= self._settings.beside_m))
+            if len(found) == 0:
                 continue
             # Of the sides of one wall, as of its windows, the one nearest to the lane in the image is the last one.
-            aside_m, edge = max(found, key=lambda one: side * one[1].column_px)
+            number = found[-1] if side > 0 else found[0]
+            edge, aside_m = edges[number], side * float(left_m[number])
             if aside_m < ROAD_HALF_M or not self._hides_horizon(image, edge, side):
                 continue
             near_m = self._distance_m(edge.base_row_px)
@@ -153,26 +154,36 @@ class HiddenRoad:
             within = min(max(bends / WITHIN, 0.0), 1.0)
             too_near = math.sqrt(LEAVES_PX * near_m / (self._camera.fx_px * aside_m) * within)
             distance_m = 2.0 * near_m / (1.0 - min(too_near, 0.5))
+            if bends > 0.0:
+                distance_m = min(distance_m, near_m * (1.0 + 1.0 / bends))
             if distance_m > 2.0 * self._settings.far_m:
                 continue
             if bends >= self._settings.bend_share or self._is_lost(image, path, near_m, side):
                 yield End(distance_m, self._settings.wall_sigma)
 
     def _hides_horizon(self, image: Image, edge: Edge, side: float) -> bool:
-        """Whether the image does not step at the horizon beyond ``edge``, as it does where ground and sky meet."""
-        first, last = sorted(round(edge.column_px - side * step_px) for step_px in BEYOND_PX)
-        columns = slice(max(first, 0), max(last, 0))
-        row = round(self._horizon_px)
-        above, below = image[row - 4 : row - 1, columns], image[row + 2 : row + 5, columns]
-        if above.shape[1] < BEYOND_PX[0]:
-            return False
-        step = np.abs(above.mean(axis=(0, 1)) - below.mean(axis=(0, 1))).max()
-        return bool(step < self._settings.horizon_step_grey)
+        """Whether the image steps at the horizon much less beyond ``edge`` than before it, where ground ends."""
+        beyond, before = (self._horizon_step_grey(image, edge.column_px, sign * side) for sign in (-1.0, 1.0))
+        return beyond < self._settings.horizon_share * before
 
-    def _aside_m(self, path: Path, edge: Edge, side: float) -> float:
-        """Distance of the base of ``edge`` from the lane, to ``side``."""
-        x, y, scale = self._road_from_pixel @ (edge.column_px, edge.base_row_px, 1.0)
-        return side * float(y / scale - path.left_m(x / scale))
+    def _horizon_step_grey(self, image: Image, column_px: float, sign: float) -> float:
+        """Largest difference over three rows around the horizon, of the mean colour of some columns beside one.
+
+        ``sign``: +1 for the columns to its right. Infinite where the image does not show them.
+        """
+        first, last = sorted(round(column_px + sign * off_px) for off_px in BEYOND_PX)
+        row = round(self._horizon_px)
+        around = image[row - 4 : row + 6, max(first, 0) : max(last, 0)]
+        if around.shape[1] < BEYOND_PX[0]:
+            return math.inf
+        colours = around.mean(axis=1)
+        return float(np.abs(colours[3:] - colours[:-3]).max())
+
+    def _left_m(self, path: Path, edges: list[Edge]) -> Array:
+        """Distances of the bases of ``edges`` from the lane, left positive, (n,)."""
+        pixels = np.array([(edge.column_px, edge.base_row_px, 1.0) for edge in edges])
+        x, y, scale = self._road_from_pixel @ pixels.T
+        return np.asarray(y / scale - path.left_m(x / scale))
 
     def _sag_m(self, path: Path, distance_m: float, side: float) -> float:
         """How far the lane bends to ``side`` up to a distance from the lens, beside its straight continuation."""
@@ -189,13 +200,16 @@ class HiddenRoad:
             return False
         first = max(self._row(FARTHEST * near_m), round(self._horizon_px) + GRAIN_PX)
         last = self._row(NEAREST * near_m) + 1
-        for row in range(first, last):
-            pixels = self._strip(image, path, row, (-ROAD_HALF_M, ROAD_HALF_M))
-            off = beside.distance(pixels)
-            as_beside = (off < road.distance(pixels)) & (off < self._settings.beside_sigmas)
-            if len(pixels) and as_beside.mean() > LOST:
-                return True
-        return False
+        strips = (self._strip(image, path, row, (-ROAD_HALF_M, ROAD_HALF_M)) for row in range(first, last))
+        rows = [strip for strip in strips if len(strip)]
+        if not rows:
+            return False
+        pixels = np.concatenate(rows)
+        off = beside.distance(pixels)
+        as_beside = (off < road.distance(pixels)) & (off < self._settings.beside_sigmas)
+        starts = np.cumsum([0, *map(len, rows[:-1])])
+        shares = np.add.reduceat(as_beside.astype(float), starts) / list(map(len, rows))
+        return bool(shares.max() > LOST)
 
     def _ground(
         self,

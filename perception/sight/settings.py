@@ -78,7 +78,7 @@ class HiddenSettings(Settings):
     lane_error_1pm: NonNegative
     other_sigmas: Positive
     beside_sigmas: Positive
-    horizon_step_grey: Positive
+    horizon_share: OpenShare
     beside_m: Positive
     bend_share: Share
     least_apart: Positive

@@ -102,6 +102,16 @@ def test_a_wall_on_the_outside_of_a_bend_hides_nothing(radius_m: float) -> None:
     assert watched(bend(radius_m, wall_m=-8.0), arc(1 / radius_m)).cause != Cause.OCCLUDED
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_tree_above_the_end_of_a_line_is_no_wall(side: int) -> None:
+    """A line that runs upright to the horizon of a bend, and a tree that begins in the same column beyond it."""
+    image, row = CLEAR[:, ::side].copy(), round(CAMERA.horizon_row_px)
+    image[row : row + 25, 214:217] = 230
+    image[row - 16 : row + 1, 214:] = 30
+    lane = arc(-side / 60.0)
+    assert watched(np.ascontiguousarray(image[:, ::side]), lane).cause == ""
+
+
 @given(st.floats(10.0, 50.0), st.floats(-0.8, 0.8))
 def test_the_mirror_image_has_the_same_end(ahead_m: float, left_m: float) -> None:
     finder = HiddenRoad(CAMERA.model_copy(update={"cx_px": 159.5}), SETTINGS.hidden)
