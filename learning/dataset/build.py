@@ -32,7 +32,7 @@ from learning.dataset.sources.comma import is_comma, read_comma
 from learning.dataset.sources.log import Faults, Log, Steering, licence_beside, sha256_of_files
 from learning.dataset.sources.recording import SUFFIX, read_drive
 from learning.dataset.sources.table import TableOptions, read_table
-from learning.dataset.sources.tub import is_tub, read_tub
+from learning.dataset.sources.tub import ANGLE, is_tub, read_tub
 from learning.dataset.split import divided, stretches
 from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
 from trepid.config import InputError
@@ -61,7 +61,7 @@ def read_log(path: Path, faults: Faults, options: TableOptions) -> Log:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if is_tub(path):
-        return read_tub(path, faults)
+        return read_tub(path, faults, options.renamed)
     if path.suffix.lower() == SUFFIX:
         return read_drive(path, faults)
     if is_comma(path):
@@ -160,9 +160,10 @@ def _check_options(logs: list[Log], options: BuildOptions) -> None:
     """Raise InputError for an option that no source uses."""
     kinds, units = {log.kind for log in logs}, {log.unit for log in logs}
     table, wheel = options.table, options.wheel
+    tubs = bool(kinds & {"tub1", "tub2"})
     no_table, no_wheel = "no source is a table", "the logs hold no angles of a steering wheel"
     uses = (  # option, its value, whether a source uses it, and why not
-        ("--column", table.renamed, "table" in kinds, no_table),
+        ("--column", table.renamed, "table" in kinds or (tubs and set(table.renamed) == {ANGLE}), no_table),
         ("--fps", table.fps, "table" in kinds, no_table),
         ("--video", table.video, "table" in kinds, no_table),
         ("--test-route", options.split.test_routes, options.split.by == "route", "needs --split route"),

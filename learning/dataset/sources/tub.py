@@ -8,7 +8,7 @@ catalogs of one record a line. Version 1: one ``record_<n>.json`` a frame, with 
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -40,11 +40,15 @@ def is_tub(path: Path) -> bool:
     )
 
 
-def read_tub(path: Path, faults: Faults) -> Log:
-    """The frames of a tub, by their numbers. Raises InputError when it cannot be read at all."""
+def read_tub(path: Path, faults: Faults, renamed: Mapping[str, str]) -> Log:
+    """The frames of a tub, by their numbers. ``renamed``: the field of the records that stands for ANGLE.
+
+    Raises InputError when it cannot be read at all, and when its records have the steering in another field.
+    """
+    angle = renamed.get(ANGLE, ANGLE)
     if catalogs_in(path) or not _numbered_records(path):
-        return _version_2(path, faults)
-    return _version_1(path, faults)
+        return _version_2(path, faults, angle)
+    return _version_1(path, faults, angle)
 
 
 def _numbered_records(path: Path) -> list[Path]:
@@ -52,7 +56,7 @@ def _numbered_records(path: Path) -> list[Path]:
     return natural_order(file for file in path.glob("record_*.json") if NUMBERED.fullmatch(file.name))
 
 
-def _version_2(path: Path, faults: Faults) -> Log:
+def _version_2(path: Path, faults: Faults, angle: str) -> Log:
     manifest, held = read_manifest(path / MANIFEST), catalogs_in(path)
     if not manifest.catalogs and not held:
         first = manifest.faults[0][0] if manifest.faults else f"{path / MANIFEST}:5: no catalog"
@@ -71,7 +75,7 @@ def _version_2(path: Path, faults: Faults) -> Log:
     if manifest.records is not None:
         _count_lost(f"{path / MANIFEST}:5", manifest.records, records, faults.rows - before, faults)
     images = manifest.images or _image_inputs(records)
-    log = _log("tub2", path, path / IMAGES, records, images[0], faults, manifest.deleted or set())
+    log = _log("tub2", path, path / IMAGES, records, (images[0], angle), faults, manifest.deleted or set())
     log.files = tuple(
         file for file in (path / MANIFEST, *(path / name for name in catalogs)) if file.is_file()
     )
@@ -127,7 +131,7 @@ def _catalogued(path: Path, catalogs: list[str], faults: Faults) -> Iterator[Rec
                 faults(f"{path / name}:{line}: _index: expected the number of the record, got {index!r}")
 
 
-def _version_1(path: Path, faults: Faults) -> Log:
+def _version_1(path: Path, faults: Faults, angle: str) -> Log:
     files = _numbered_records(path)
     before, records = faults.rows, []
     for file in files:
@@ -139,7 +143,7 @@ def _version_1(path: Path, faults: Faults) -> Log:
         record = _json(text, str(file), faults)
         if record is not None:
             records.append((str(file), int(file.stem.removeprefix("record_")), record))
-    log = _log("tub1", path, path, records, IMAGE_KEY, faults, set())
+    log = _log("tub1", path, path, records, (IMAGE_KEY, angle), faults, set())
     log.files = tuple(files)
     log.unread = faults.rows - before
     return log
@@ -161,8 +165,17 @@ def _json(text: str, where: str, faults: Faults) -> dict[str, Any] | None:
 
 
 def _log(
-    kind: str, path: Path, root: Path, records: list[Record], image: str, faults: Faults, deleted: set[int]
+    kind: str,
+    path: Path,
+    root: Path,
+    records: list[Record],
+    fields: tuple[str, str],
+    faults: Faults,
+    deleted: set[int],
 ) -> Log:
+    """The log of ``records``; ``fields``: those of the image and of the steering."""
+    image, angle = fields
+    _check_angle(path, records, angle)
     timed = any(_stamp(record) is not None for _, _, record in records)
     rows: list[tuple[float, float, float]] = []
     names, routes, why, places = [], [], [], []
@@ -171,7 +184,7 @@ def _log(
             if not isinstance(record.get(image), str) or not record[image]:
                 raise ValueError(f"no {image}")
             speed = next((record[name] for name in SPEEDS if name in record), None)
-            steering, speed_mps = number(record.get(ANGLE)), number(speed)
+            steering, speed_mps = number(record.get(angle)), number(speed)
             row = (_time_s(record) if timed else ordinal / LOOP_HZ, steering, speed_mps)
         except ValueError as error:
             faults(f"{where}: {error}")
@@ -208,6 +221,21 @@ def _log(
     if not timed:
         log.notes.append(f"the records have no times: {LOOP_HZ:g} Hz assumed, the default of donkeycar")
     return log
+
+
+def _check_angle(path: Path, records: list[Record], angle: str) -> None:
+    """Raise InputError where no record has the field ``angle``, and other fields look like the steering."""
+    if any(angle in record for _, _, record in records):
+        return
+    alike = {
+        name
+        for _, _, record in records
+        for name, value in record.items()
+        if isinstance(value, int | float) and name.startswith("user/") and re.search("steer|angle", name)
+    }
+    if alike or angle != ANGLE:
+        other = f"; `--column {ANGLE}={min(alike)}` reads {min(alike)}" if alike else ""
+        raise InputError(f"{path}: no record has the field {angle}{other}")
 
 
 def _stamp(record: dict[str, Any]) -> str | None:

@@ -231,7 +231,7 @@ def test_a_tub_is_read_back_with_right_as_positive_and_the_share_of_the_lock(
     code, out, _ = export(path, tmp_path / "tub", "--json")
     assert code == 0 and {"rows": 3, "left_out": 1}.items() <= json.loads(out).items()
     assert is_tub(tmp_path / "tub")
-    log = read_tub(tmp_path / "tub", Faults(strict=True))
+    log = read_tub(tmp_path / "tub", Faults(strict=True), {})
     assert not log.left_positive
     assert log.steering == pytest.approx([-0.5, 0.25, 1.0])
     assert log.t_s == pytest.approx(at_s[:3]) and log.speed_mps == pytest.approx([2.0, 2.0, 2.0])

@@ -505,3 +505,20 @@ def test_the_side_of_positive_steering_is_that_of_the_car_unless_given(tmp_path:
     use_car(car)
     assert wheel_of([log], WheelOptions()).sign == 1
     assert wheel_of([log], WheelOptions(left_positive=False)).sign == -1
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_tub_whose_steering_has_another_name_names_it_and_is_read_by_it(
+    tmp_path: Path, version: int
+) -> None:
+    write = {1: write_tub_1, 2: write_tub}[version]
+    usual = read_log(write(tmp_path / "usual", 30), Faults(strict=True), TableOptions())
+    tub = write(tmp_path / "tub", 30)
+    for file in (*tub.glob("*.catalog"), *tub.glob("record_*.json"), *tub.glob("manifest.json")):
+        file.write_text(file.read_text().replace("user/angle", "user/steering"))
+    with pytest.raises(
+        InputError, match=r"no record has the field user/angle; `--column user/angle=user/steering`"
+    ):
+        read_log(tub, Faults(strict=True), TableOptions())
+    found = read_log(tub, Faults(strict=True), TableOptions({"user/angle": "user/steering"}))
+    assert np.array_equal(found.steering, usual.steering)
