@@ -58,7 +58,18 @@ class Monitor:
         """Wait for a heartbeat of every process, a first decision, and the end of any run-up.
 
         False on a signal. Raises InputError when a process refuses its input, ends, or does not report in time.
+        A real car stands before either: its nodes steer as soon as they hear each other, which may be before the
+        last process reports.
         """
+        ready = False
+        try:
+            ready = self._becomes_ready(signals)
+        finally:
+            if not ready and self._course.stops_at_end:
+                self._stop_before_start(signals)
+        return ready
+
+    def _becomes_ready(self, signals: list[str]) -> bool:
         while not signals:
             for exited in self._fleet.collect_exits():
                 raise InputError(self._not_started(exited))
@@ -76,6 +87,17 @@ class Monitor:
                 raise InputError(self._not_ready(missing))
         self._problems += signals
         return False
+
+    def _stop_before_start(self, signals: list[str]) -> None:
+        """Wait for the standstill of a car that is to stop, at most for its time limit or until a second signal."""
+        self._losses.request_stop()
+        asked_s = self._clock()
+        while len(signals) < 2 and not self._stands():
+            self._receive("; ".join(self._problems))
+            for exited in self._fleet.collect_exits():
+                self._losses.lose(exited.name)
+            if self._fails_to_stop(self._clock() - asked_s, "the end"):
+                return
 
     def watch(self, signals: list[str]) -> None:
         """Monitor until the end of the course or the duration, standstill after a loss, or a signal."""
