@@ -55,7 +55,7 @@ class Monitor:
         self._paused: Set[str] = frozenset()  # processes that are lost on purpose
 
     def wait_until_ready(self, signals: list[str]) -> bool:
-        """Wait for a heartbeat of every process, a first decision, and the end of any run-up.
+        """Wait for a heartbeat of every process whose loss matters, a first decision, and the end of any run-up.
 
         False on a signal. Raises InputError when a process refuses its input, ends, or does not report in time.
         A real car stands before either: its nodes steer as soon as they hear each other, which may be before the
@@ -76,7 +76,9 @@ class Monitor:
             missing = [
                 name
                 for name, child in self._fleet.children.items()
-                if child.spec.heartbeat and name not in self._log.diagnostics
+                if child.spec.heartbeat
+                and child.spec.loss is not Loss.NOTHING
+                and name not in self._log.diagnostics
             ]
             if not missing and self._log.decision is not None and self._course.begun(self._log.truth):
                 self._begin()

@@ -5,6 +5,7 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from message_rig import decision
 
 from drive.monitor import Monitor
 from drive.open_road import OpenRoad
@@ -16,7 +17,7 @@ from trepid.messages import Losses, VehicleState
 from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.launch import UnexpectedExit
 from trepid.processes.settings import LAUNCHER, Loss, ProcessSpec
-from trepid.topics import LOSSES, VEHICLE_STATE
+from trepid.topics import DECISION, LOSSES, VEHICLE_STATE
 
 
 def test_a_process_that_refuses_its_input_ends_the_drive_with_that_line():
@@ -58,6 +59,18 @@ def test_a_real_car_that_moves_on_after_the_end_fails_the_drive(
         monitor.watch([])
         row = monitor.row(0)
     assert (row["status"], row["reasons"]) == ("failed" if problems else "passed", problems)
+
+
+def test_a_drive_begins_without_a_process_whose_loss_changes_nothing():
+    spec = ProcessSpec("page", "cockpit.page.node", loss=Loss.NOTHING)
+    child = SimpleNamespace(spec=spec, popen=SimpleNamespace(pid=1), alive=True, restarts=0)
+    fleet = SimpleNamespace(children={"page": child}, collect_exits=list)
+    settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
+    with open_bus("car", time.monotonic, listen=free_endpoint()) as bus:
+        send = bus.publisher(DECISION)
+        monitor = Monitor(bus, time.monotonic, fleet, OpenRoad(duration_s=5.0), (), settings, lambda *_: None)
+        send(decision())
+        assert monitor.wait_until_ready([])
 
 
 @pytest.mark.parametrize("refused", [False, True])
