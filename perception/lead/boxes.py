@@ -6,7 +6,7 @@ The lower edge of a box is where it stands on the road; the camera geometry turn
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import cv2
 import numpy as np
@@ -24,10 +24,12 @@ from trepid.spelling import did_you_mean
 from trepid.types import Floats, Image, OpenShare
 
 GREY = 128
+T = TypeVar("T")
 NMS_OVERLAP = 0.5
 WIDTH_M = (1.0, 4.0)  # of vehicles: a motorcycle to a truck at an angle
 FARTHEST_M = 120.0
 BONNET_SHARE = 0.95  # of the image
+CUT_SHARE = 0.02  # of a part of the image: a box that ends nearer to its edge is cut off there
 
 
 def _of_vehicles(classes: Any) -> Any:
@@ -35,10 +37,14 @@ def _of_vehicles(classes: Any) -> Any:
     return classes if isinstance(classes, Mapping) else {VEHICLE: classes}
 
 
-def _are_kinds(classes: dict[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
-    unknown = [kind for kind in classes if kind not in KINDS]
+def _are_kinds(values: dict[str, T]) -> dict[str, T]:
+    unknown = [kind for kind in values if kind not in KINDS]
     if unknown:
         raise ValueError(f"unknown kind {unknown[0]!r}; {did_you_mean(unknown[0], KINDS)}")
+    return values
+
+
+def _is_some(classes: dict[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
     if not any(classes.values()):
         raise ValueError("no class of any kind")
     return classes
@@ -52,12 +58,19 @@ class BoxSettings(Settings):
         None  # of the network; None: by the file, else COCO's 80
     )
     # kind of perception.lead.kinds -> its classes; a list is that of vehicles
-    classes: Annotated[dict[str, tuple[int, ...]], BeforeValidator(_of_vehicles), AfterValidator(_are_kinds)]
+    classes: Annotated[
+        dict[str, tuple[int, ...]],
+        BeforeValidator(_of_vehicles),
+        AfterValidator(_are_kinds),
+        AfterValidator(_is_some),
+    ]
     min_score: OpenShare
     tile_share: Annotated[float, Field(gt=0, le=1)]  # 1: no second detection around the horizon
     calibration: Platt = Platt(
         bias=0.0, slope=1.0
     )  # of the scores to probabilities; these values change nothing
+    # of kinds with a calibration of their own
+    calibrations: Annotated[dict[str, Platt], AfterValidator(_are_kinds)] = Field(default_factory=dict)
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -129,17 +142,20 @@ class BoxDetector:
     def boxes(self, image: Image) -> list[Box]:
         """The boxes in ``image``, those of a kind without overlaps."""
         found: dict[str, list[tuple[Floats, float]]] = {kind: [] for kind in self._kinds}
+        whole = (0, 0, self._camera.width_px, self._camera.height_px)
         for left, top, right, bottom in self._tiles():
             corners, scores = self._look(image[top:bottom, left:right])
+            uncut = _uncut(corners, (left, top, right, bottom), whole)
+            corners, scores = corners[uncut], scores[uncut]
             scale = np.array([right - left, bottom - top] * 2, np.float32)
             shift = np.array([left, top] * 2, np.float32)
             for kind in found:
                 best = scores[:, [k == kind for k in self._kinds]].max(axis=1)
                 sure = best >= self._settings.min_score
                 found[kind] += zip(corners[sure] * scale + shift, best[sure].tolist(), strict=True)
-        probability = self._settings.calibration
+        of_kind, usual = self._settings.calibrations, self._settings.calibration
         return [
-            Box(kind, some[i][0], probability(some[i][1]))
+            Box(kind, some[i][0], of_kind.get(kind, usual)(some[i][1]))
             for kind, some in found.items()
             for i in _suppressed(some, self._settings.min_score)
         ]
@@ -184,6 +200,18 @@ def on_road(camera: Camera, corners: Sequence[float] | Floats, confidence: float
     if not WIDTH_M[0] <= width_m <= WIDTH_M[1]:
         return None
     return Detection(ahead_m, left_m, width_m, min(max(confidence, 1e-3), 1 - 1e-3))
+
+
+def _uncut(
+    corners: Floats, part: tuple[int, int, int, int], whole: tuple[int, int, int, int]
+) -> NDArray[np.bool_]:
+    """Which boxes [shares of ``part``] no edge of ``part`` cuts off; an edge of the ``whole`` image cuts none.
+
+    What is cut off would stand elsewhere and be of another size; the whole image shows it.
+    """
+    inner = np.array(part) != np.array(whole)
+    near = np.concatenate([corners[:, :2] < CUT_SHARE, corners[:, 2:] > 1 - CUT_SHARE], axis=1)
+    return np.asarray(~(near & inner).any(axis=1))
 
 
 def _suppressed(found: list[tuple[Floats, float]], min_score: float) -> list[int]:

@@ -48,8 +48,9 @@ PUBLISHED = {
             layout="ssd",
             classes={"vehicle": (18, 23), "person": (4,), "bicycle": (1,), "animal": (6, 8, 20)},
             min_score=0.2,
-            tile_share=1.0,
+            tile_share=0.5,
             calibration=Platt(bias=3.4, slope=4.0),
+            calibrations={"animal": Platt(bias=5.5, slope=4.0)},
         ),
     ),
 }
@@ -57,7 +58,10 @@ PUBLISHED = {
 and Cattle, Cat and Dog count.
 
 Its scores end at 0.6. The calibration makes 0.3 an even chance, 0.4 a probability of 0.84 and 0.5 of 0.97: by eye
-on highway frames, with the margin that streets need.
+on highway frames, with the margin that streets need. The scores of animals are lower: those of drawn dogs up to
+13 m away begin at 0.14, with a median of 0.25; without an animal they stay below 0.17, on streets (CamVid) below
+0.11. For them 0.2 is an even chance. The part around the horizon is searched again: a person 20 m away is 17 px
+high.
 """
 
 

@@ -10,7 +10,7 @@ from fixed_detector import FixedDetector
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.lead.boxes import BoxSettings
+from perception.lead.boxes import BoxSettings, _uncut
 from perception.lead.detection import Detection
 from perception.lead.finder import NODE, LeadFinder, blindness, lead_settings
 from perception.lead.kinds import HEIGHTS_M, Box, detected_kinds, standing, with_cyclists
@@ -111,6 +111,30 @@ def test_a_detector_detects_the_kinds_of_its_classes(
     kinds: tuple[str, ...], detects: tuple[str, ...]
 ) -> None:
     assert detected_kinds(kinds) == detects
+
+
+def test_only_an_inner_edge_of_a_part_cuts_a_box_off() -> None:
+    whole, part = (0, 0, 320, 240), (80, 60, 320, 180)  # the right edge of the part is that of the image
+    inside, left, right, below = (
+        *((0.3, 0.3, 0.6, 0.6), (0.0, 0.3, 0.4, 0.6)),
+        *((0.6, 0.3, 1.0, 0.6), (0.3, 0.5, 0.6, 0.999)),
+    )
+    boxes = np.array([inside, left, right, below], np.float32)
+    assert _uncut(boxes, part, whole).tolist() == [True, False, True, False]
+    assert _uncut(boxes, whole, whole).all()
+
+
+def test_a_kind_may_have_a_calibration_of_its_own() -> None:
+    given = {"layout": "ssd", "classes": {"person": [4], "animal": [20]}, "min_score": 0.1, "tile_share": 1.0}
+    animals = {"calibrations": {"animal": {"bias": 5.5, "slope": 4.0}}}
+    assert parse(given, BoxSettings, source=None).calibrations == {}
+    assert parse(given | animals, BoxSettings, source=None).calibrations["animal"](0.2) == pytest.approx(
+        0.5, abs=0.02
+    )
+    with pytest.raises(InputError, match="unknown kind 'animals'; did you mean 'animal'"):
+        parse(
+            given | {"calibrations": {"animals": animals["calibrations"]["animal"]}}, BoxSettings, source=None
+        )
 
 
 def test_a_list_of_classes_is_that_of_vehicles_as_in_earlier_versions() -> None:
