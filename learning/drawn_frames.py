@@ -275,10 +275,15 @@ def seamed(road: Road, rng: np.random.Generator) -> Road:
 
 
 def random_disturbances(
-    rng: np.random.Generator, kinds: Sequence[DisturbanceKind], most_grade: float
+    rng: np.random.Generator,
+    kinds: Sequence[DisturbanceKind],
+    most_grade: float,
+    *,
+    weights: Sequence[float] | None = None,
 ) -> list[Disturbance]:
-    """One or two of ``kinds`` over the whole road, of any grade up to ``most_grade``."""
-    chosen = rng.choice(len(kinds), int(rng.integers(1, 3)), replace=False)
+    """One or two of ``kinds`` over the whole road, up to ``most_grade``; all equally often, or by weight."""
+    shares = None if weights is None else np.array(weights) / sum(weights)
+    chosen = rng.choice(len(kinds), int(rng.integers(1, 3)), replace=False, p=shares)
     return [Disturbance(kind=kinds[i], grade=float(rng.uniform(0.5, most_grade))) for i in chosen]
 
 

@@ -53,9 +53,11 @@ def rendered(
     reuse: bool,
     key: str = "",
     report: Report = say,
+    jobs: int | None = None,
 ) -> Iterator[Path]:
-    """Files with the parts that ``render`` returns for the roads of ``split``, rendered by all cores.
+    """Files with the parts that ``render`` returns for the roads of ``split``, rendered by ``jobs`` processes.
 
+    Without ``jobs`` every core renders.
     Splits and seeds share no road. With ``reuse``, roads that an earlier call with the same ``key`` rendered are
     not rendered again.
     """
@@ -67,12 +69,17 @@ def rendered(
             old.unlink()
         stored.write_text(key, encoding="utf-8")
     first, started_s = seed * ROADS_PER_SEED + FIRST_ROAD[split], time.monotonic()
-    paths = imap(partial(_road, render, folder), range(first, first + roads), os.cpu_count() or 1)
+    paths = imap(partial(_road, render, folder), range(first, first + roads), jobs or cores())
     for number, path in enumerate(paths, start=1):
         yield path
         if number % 10 == 0 or number == roads:
             left_s = (time.monotonic() - started_s) * (roads - number) / number
             report(f"{split}: {number}/{roads} roads rendered, {left_s / 60:.1f} min left")
+
+
+def cores() -> int:
+    """The cores of this machine."""
+    return os.cpu_count() or 1
 
 
 def _road(render: Callable[[int], Part], folder: Path, seed: int) -> Path:

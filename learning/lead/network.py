@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+import onnx
 import torch
 from torch import Tensor, nn
 
+from learning.lead.frames import HIDDEN, MIN_VISIBLE
 from perception.lead.view import CELLS_LEFT_M, COLUMNS, DISTANCES_M, RATIO, ROWS, STRIPS
 
 OUTPUTS = ("logit", "ahead", "left", "log_width")
@@ -15,15 +17,15 @@ USUAL_WIDTH_M = 1.8
 FLOOR_GREY = 8.0  # added to the contrast of a strip [grey levels]: a black strip stays black
 NEAR_STEPS, NEAR_LEFT_M = 0.75, 0.4  # cells this close to the end of a vehicle are positive …
 CLOSE_STEPS, CLOSE_LEFT_M = 2.5, 1.2  # … cells this close do not count in the loss
-MIN_VISIBLE, HIDDEN = 0.6, 0.15  # below the first: not in the loss; below the second: no vehicle
 POSITIVE_WEIGHT, BOX_WEIGHT = 4.0, 2.0
 FOCUS = 2.0  # Lin et al., Focal Loss for Dense Object Detection (ICCV 2017)
 
 
 class LeadNetwork(nn.Module):
-    """Four convolutions over strips (n, ROWS, COLUMNS, 3): 34 million multiply-adds for the 33 strips of a frame.
+    """Five convolutions over strips (n, ROWS, COLUMNS, 3): 47 million multiply-adds for the 33 strips of a frame.
 
-    The rows are reduced to one, the columns halved: each cell has a receptive field of 3.2 m of one strip.
+    The rows are reduced to one, the columns halved. A cell has a receptive field of 6.4 m of one strip: it sees
+    both flanks of a vehicle, and whether a shadow or a reflection goes on beyond.
     """
 
     def __init__(self) -> None:
@@ -38,7 +40,8 @@ class LeadNetwork(nn.Module):
             nn.Conv2d(16, 32, (ROWS // 4, 5), padding=(0, 2), bias=False),
             nn.BatchNorm2d(32),
             nn.ReLU(),
-            nn.Conv2d(32, 32, 1),
+            nn.Conv2d(32, 32, (1, 3), padding=(0, 3), dilation=(1, 3), bias=False),
+            nn.BatchNorm2d(32),
             nn.ReLU(),
             nn.Conv2d(32, len(OUTPUTS), (1, 3), padding=(0, 1)),
         )
@@ -46,10 +49,10 @@ class LeadNetwork(nn.Module):
 
     def forward(self, strips: Tensor) -> Tensor:
         """Raw outputs, shape (n, OUTPUTS, CELL_COLUMNS), of uint8 strips."""
-        pixels = strips.permute(0, 3, 1, 2).to(torch.float32)
-        mean = pixels.mean(dim=(1, 2, 3), keepdim=True)
-        spread = ((pixels - mean) ** 2).mean(dim=(1, 2, 3), keepdim=True).sqrt()
-        return self.layers((pixels - mean) / (spread + FLOOR_GREY))[:, :, 0]
+        pixels = strips.to(torch.float32)
+        apart = pixels - pixels.mean(dim=(1, 2, 3), keepdim=True)
+        spread = (apart * apart).mean(dim=(1, 2, 3), keepdim=True).sqrt()
+        return self.layers((apart / (spread + FLOOR_GREY)).permute(0, 3, 1, 2))[:, :, 0]
 
 
 class Targets(nn.Module):
@@ -102,6 +105,31 @@ class Exported(nn.Module):
     def forward(self, strips: Tensor) -> Tensor:
         raw = self.network(strips)
         return torch.cat([torch.sigmoid(raw[:, :1]), raw[:, 1:]], dim=1)
+
+
+def trained(path: Path) -> LeadNetwork:
+    """The network of an ONNX file that ``export`` wrote. Raises ValueError for another network.
+
+    The export has folded the normalisation into the convolutions, so it is the identity here: fit it in mode eval.
+    """
+    graph = onnx.load(str(path)).graph
+    values = {one.name: torch.from_numpy(onnx.numpy_helper.to_array(one).copy()) for one in graph.initializer}
+    convolutions = [node.input[1:3] for node in graph.node if node.op_type == "Conv"]
+    network = LeadNetwork()
+    own = [layer for layer in network.layers if isinstance(layer, nn.Conv2d)]
+    norms = [layer for layer in network.layers if isinstance(layer, nn.BatchNorm2d)]
+    if len(own) != len(convolutions):
+        raise ValueError(f"{path}: {len(convolutions)} convolutions, not {len(own)}")
+    with torch.no_grad():
+        for layer, norm, (weight, bias) in zip(own, [*norms, None], convolutions, strict=True):
+            layer.weight.copy_(values[weight])
+            if norm is None:
+                assert layer.bias is not None
+                layer.bias.copy_(values[bias])
+            else:
+                norm.running_var.fill_(1 - norm.eps)
+                norm.bias.copy_(values[bias])
+    return network.eval()
 
 
 def export(network: LeadNetwork, path: Path) -> None:

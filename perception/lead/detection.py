@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from perception.lead.view import CELLS_LEFT_M, DISTANCES_M, RATIO, LeadView
 from perception.net.session import WeightsRecord, first_run, load_record, open_session
@@ -103,6 +104,8 @@ class Record(WeightsRecord):
     min_probability: float  # least output of a cell that counts
     frames: int
     scores: dict[str, float]
+    by_distance: dict[str, dict[str, float]] = Field(default_factory=dict)  # empty: not measured
+    by_weather: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
 class StripDetector:

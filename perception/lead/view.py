@@ -16,10 +16,7 @@ from trepid.car.camera import Camera
 from trepid.types import Image
 
 FIRST_M, RATIO, STRIPS = 2.5, 1.13, 33
-"""Distances from the camera: 2.5 m (in front of the bumper) to 125 m (a car is 3 px wide at 320 px).
-
-The network is trained on the first 25 strips, to 47 m; all have one scale, and beyond vehicles are blurred.
-"""
+"""Distances from the camera: 2.5 m (in front of the bumper) to 125 m (a car is 3 px wide at 320 px)."""
 ROW_M, ROWS, LOWEST_M = 0.1, 20, -0.35
 COLUMN_M, COLUMNS = 0.2, 80
 CELL_COLUMNS = COLUMNS // 2  # of the network's output
