@@ -96,7 +96,7 @@ def test_why_did_it_slow_down_when_an_estimator_lied(drive: Recall) -> None:
 def test_the_answer_names_cause_rule_value_and_estimators_in_words(drive: Recall) -> None:
     text = story_text(story(drive, 5.5))
     assert "the speed cap began to fall: from 8.0 to" in text
-    assert "cause disagreement; mode CAUTION" in text
+    assert "cause disagreement (perception); mode CAUTION" in text
     assert "if separation is medium then fear is medium because disagreement" in text
     assert "separation = 0." in text and "cnn: " in text and "cv: +0.7" in text
 
@@ -209,7 +209,7 @@ def test_every_camera_image_is_recorded_as_jpeg(seen: Path) -> None:
 def test_the_moment_is_drawn_from_the_recorded_picture(seen: Path) -> None:
     drive = recall(seen)
     told_of = {
-        **dict(moment_s=0.8, mode="CAUTION", fear=0.5, level="medium", cause="dark"),
+        **dict(moment_s=0.8, mode="CAUTION", fear=0.5, level="medium", cause="dark", part=""),
         **dict(rules=[], slow_down=dict(cap_before_mps=8.0, cap_lowest_mps=4.0)),
     }
     camera, panel = moment_figure(drive, told_of).axes
