@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -209,3 +210,32 @@ def test_a_wrong_command_would_be_found(text: str) -> None:
     (command,) = documented(Path("page.md"), page)
     with pytest.raises((AssertionError, TyperException)):
         check(command)
+
+
+WRITES = ("--out", "--record", "--report", "--trace", "--annotate", "--picture")
+WRITTEN = {"init": 0, "dataset build": 0, "dataset join": 0, "export": 1}
+"""Verb -> the place of the file or folder that it writes among the words after the verb."""
+
+
+def outputs(command: Documented) -> set[str]:
+    """The relative paths that a documented command writes."""
+    words = command.words[1:]
+    found = {word for option, word in pairwise(words) if option in WRITES}
+    for verb, index in WRITTEN.items():
+        if words[: len(verb.split())] == verb.split():
+            found.update(
+                [word for word in words[len(verb.split()) :] if not word.startswith("-")][index:][:1]
+            )
+    return {path for path in found if not path.startswith(("/", "~", "docs/results"))}
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="an installation is no clone")
+def test_what_documented_commands_write_in_a_clone_is_ignored_by_git() -> None:
+    typed = [command for command in TREPID if not command.inline and not SYNOPSIS.search(command.text)]
+    paths = sorted({path for command in typed for path in outputs(command)})
+    folders = [path if Path(path).suffix else f"{path}/" for path in paths]
+    asked = subprocess.run(
+        ["git", "check-ignore", "--no-index", *folders], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert sorted(set(folders) - set(asked.stdout.split())) == []
+    assert {"drive.mcap", "mycar/", "runs/"} <= set(folders)
