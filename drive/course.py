@@ -85,7 +85,7 @@ class Course(Protocol):
         """The options ``scenario``, ``cruise_speed_mps`` and ``rules`` of every process."""
         ...
 
-    def begun(self, truth: SimTruth | None) -> bool:
+    def has_begun(self, truth: SimTruth | None) -> bool:
         """True from the start of the drive on, which may follow a run-up. ``truth``: the newest one."""
         ...
 

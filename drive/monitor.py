@@ -80,7 +80,7 @@ class Monitor:
                 and child.spec.loss is not Loss.NOTHING
                 and name not in self._log.diagnostics
             ]
-            if not missing and self._log.decision is not None and self._course.begun(self._log.truth):
+            if not missing and self._log.decision is not None and self._course.has_begun(self._log.truth):
                 self._begin()
                 return True
             self._log.waiting = f"waiting for {', '.join(missing) or 'the first decision'}"

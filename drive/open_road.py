@@ -46,7 +46,7 @@ class OpenRoad:
             "rules": str(default_file("fear.yaml").resolve()),  # processes run in the root
         }
 
-    def begun(self, truth: SimTruth | None) -> bool:
+    def has_begun(self, truth: SimTruth | None) -> bool:
         """True: a real car starts from standstill, without a run-up."""
         return True
 

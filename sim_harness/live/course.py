@@ -101,7 +101,7 @@ class ScenarioCourse:
             "rules": str(self._scenario.rules_file.resolve()),  # processes run in the root
         }
 
-    def begun(self, truth: SimTruth | None) -> bool:
+    def has_begun(self, truth: SimTruth | None) -> bool:
         """True from the time 0 of the scenario on: a start at speed follows a run-up."""
         return truth is not None and truth.elapsed_s is not None and truth.elapsed_s >= 0.0
 

@@ -28,5 +28,5 @@ def test_a_process_is_lost_during_its_fault_only() -> None:
 @pytest.mark.parametrize(("elapsed_s", "begun"), [(None, False), (-0.1, False), (0.0, True)])
 def test_a_drive_begins_after_the_run_up(elapsed_s: float | None, begun: bool) -> None:
     course = course_of("leader_brakes", {}, (), duration_s=4.0)
-    assert course.duration_s == 4.0 and not course.begun(None)
-    assert course.begun(truth(0.0, elapsed_s=elapsed_s)) is begun
+    assert course.duration_s == 4.0 and not course.has_begun(None)
+    assert course.has_begun(truth(0.0, elapsed_s=elapsed_s)) is begun
