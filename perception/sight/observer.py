@@ -202,12 +202,14 @@ class _Memory:
     """The logarithm of the distance over time.
 
     Its errors are those of the road and of the air in view, which neighbouring frames share: the mean over frames
-    takes out the noise, but the standard deviation stays that of a frame.
+    takes out the noise, but the standard deviation stays that of a frame. What ended a shorter sight stays its cause
+    until the distance has grown to what a frame without any end shows.
     """
 
     def __init__(self, settings: SightSettings) -> None:
         self._settings = settings
         self._log_m = self._sigma = math.nan
+        self._cause = ""
         self._t_s = -math.inf
 
     def step(self, seen: Sight | None, t_s: float) -> Sight | None:
@@ -218,14 +220,16 @@ class _Memory:
         log_m, sigma = math.log(seen.distance_m), seen.sigma_m / seen.distance_m
         stale = not 0.0 <= dt_s <= settings.hold_s
         if stale or log_m < self._log_m - CHANCE * sigma:
-            self._log_m, self._sigma = log_m, sigma
+            self._log_m, self._sigma, self._cause = log_m, sigma, seen.cause
         else:
             gain = 1.0 - math.exp(-dt_s / settings.memory_s)
             self._log_m += min(gain * (log_m - self._log_m), settings.growth_1ps * dt_s)
             self._sigma += gain * (sigma - self._sigma)
+            if seen.cause or self._log_m >= log_m - CHANCE * sigma:
+                self._cause = seen.cause
         self._t_s = t_s
         distance_m = min(math.exp(self._log_m), settings.reach_m)
-        return Sight(distance_m, distance_m * self._sigma, seen.cause)
+        return Sight(distance_m, distance_m * self._sigma, self._cause)
 
 
 def _range_grey(grey: Image) -> tuple[int, int]:

@@ -149,6 +149,18 @@ def test_fog_counts_at_once_and_its_end_slowly() -> None:
     assert growth.max() <= SETTINGS.growth_1ps * 0.04 + 1e-9 and growth.min() >= 0.0
 
 
+def test_what_ended_the_sight_stays_its_cause_until_the_sight_has_grown() -> None:
+    observer, clear, fog = SightObserver(SETTINGS, CAMERA), with_trees(misty(5000.0)), misty(40.0)
+    sights = [
+        observer.step(Frame(t_s=0.04 * number, image=fog if number < 10 else clear), None)
+        for number in range(200)
+    ]
+    assert all(sight is not None for sight in sights)
+    causes = [(sight.cause, sight.distance_m) for sight in sights if sight is not None]
+    assert all(cause == Cause.FOG for cause, distance_m in causes if distance_m < SETTINGS.reach_m / 2)
+    assert causes[-1] == ("", pytest.approx(SETTINGS.reach_m))
+
+
 def test_after_a_silence_the_next_sight_starts_anew() -> None:
     observer = SightObserver(SETTINGS, CAMERA)
     observer.step(Frame(t_s=0.0, image=misty(40.0)), None)
