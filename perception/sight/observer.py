@@ -202,8 +202,8 @@ class _Memory:
     """The logarithm of the distance over time.
 
     Its errors are those of the road and of the air in view, which neighbouring frames share: the mean over frames
-    takes out the noise, but the standard deviation stays that of a frame. What ended a shorter sight stays its cause
-    until the distance has grown to what a frame without any end shows.
+    takes out the noise, but the standard deviation stays that of a frame. What ended a shorter sight stays its
+    cause until the distance has grown to what a frame without any end shows.
     """
 
     def __init__(self, settings: SightSettings) -> None:
