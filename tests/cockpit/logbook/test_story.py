@@ -169,9 +169,9 @@ def test_the_picture_of_a_calm_moment_names_the_allowed_speed(calm: Recall) -> N
 
 def test_the_answer_and_the_picture_name_the_measurement_in_doubt(tmp_path: Path) -> None:
     fault = "[{kind: wrong_measurement, quantity: yaw_rate, form: absent, from_s: 0}]"
-    scenario = load_scenario("straight", {"duration_s": "1", "faults": fault})
+    scenario = load_scenario("straight", {"duration_s": "3", "faults": fault})
     drive = recall(recorded(tmp_path / "yaw.mcap", scenario))
-    found = story(drive, 0.9)
+    found = story(drive, 2.9)
     assert "cause doubted_state (yaw rate);" in story_text(found)
     _, panel = moment_figure(drive, found).axes
     assert "cause doubted_state (yaw rate)" in panel.texts[0].get_text()

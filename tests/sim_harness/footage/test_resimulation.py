@@ -261,7 +261,7 @@ def test_a_log_of_speeds_is_read_from_either_kind(tmp_path):
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", ":1:1: expected the columns"),
+        ("", r"log\.csv: is empty"),
         ("a,b\n", ":1:1: expected the columns"),
         ("t_s,speed_mps\n0,x\n", ":2:1: expected a time and a speed"),
         ("t_s,speed_mps\n0,-1\n", ":2:1: expected a time and a speed"),
