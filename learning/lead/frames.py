@@ -2,8 +2,8 @@
 
 One seed is one road with its own curves, looks, light and weather. The labels are the true places of the vehicles,
 never measured in the image. Every scene is rendered twice, with its vehicles and without: what is there besides,
-like shadows, reflections, marks and boxes of other sizes, is seen as often alone as beside a vehicle, and the
-difference of both tells how much of a vehicle the weather leaves to see.
+like shadows, reflections, marks and boxes of other sizes, is seen as often alone as beside a vehicle. The
+difference between the two pictures measures how visible a vehicle is in the weather.
 """
 
 import math

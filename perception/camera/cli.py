@@ -39,6 +39,15 @@ def camera() -> None:
     """Calibrate a camera."""
 
 
+Width = Annotated[
+    int | None,
+    typer.Option(help="Width in px to which images are scaled while driving. Default: as they are."),
+]
+Out = Annotated[Path | None, typer.Option(help="Camera file to write. Default: print it.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON only.")]
+
+
 @app.command()
 def calibrate(
     boards: Annotated[
@@ -67,10 +76,7 @@ def calibrate(
         float | None,
         typer.Option(help="Speed of that drive in m/s; gives the height. Recordings contain it."),
     ] = None,
-    width: Annotated[
-        int | None,
-        typer.Option(help="Width in px to which images are scaled while driving. Default: as they are."),
-    ] = None,
+    width: Width = None,
     rotate: Annotated[
         int, typer.Option(help="0, 90, 180 or 270: clockwise turn that makes the images upright.")
     ] = 0,
@@ -83,10 +89,10 @@ def calibrate(
     camera: Annotated[
         Path, typer.Option(help="Camera file with the values that are not measured.")
     ] = CONFIG_DIR / "camera.yaml",
-    out: Annotated[Path | None, typer.Option(help="Camera file to write. Default: print it.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    out: Out = None,
+    force: Force = False,
     car: Car = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Measure a camera: lens and focal length from a chessboard, pitch, yaw and height from driving."""
     if not boards and straight is None and drive is None:
@@ -107,9 +113,7 @@ def calibrate(
         found = _driven(measured, drive, mount, lens_known=bool(boards))
         measured, notes["drive"] = found.camera, _drive_note(found)
         report["drive"] = {name: getattr(found, name) for name in DRIVE_REPORT}
-    if width is not None:
-        measured = measured.resized(width, round(measured.height_px * width / measured.width_px))
-    _put_out(measured, notes, report, out=out, as_json=as_json, verb="calibrate")
+    _put_out(_scaled(measured, width), notes, report, out=out, as_json=as_json, verb="calibrate")
 
 
 @app.command("import")
@@ -121,27 +125,28 @@ def import_(
             help="camera_info of ROS: a file of camera_calibration, or what ros2 topic echo prints.",
         ),
     ],
-    width: Annotated[
-        int | None,
-        typer.Option(help="Width in px to which images are scaled while driving. Default: as they are."),
-    ] = None,
+    width: Width = None,
     camera: Annotated[
         Path, typer.Option(help="Camera file with the mounting, which camera_info does not state.")
     ] = CONFIG_DIR / "camera.yaml",
-    out: Annotated[Path | None, typer.Option(help="Camera file to write. Default: print it.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    out: Out = None,
+    force: Force = False,
     car: Car = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Make a camera file of a camera_info of ROS: plumb_bob, rational_polynomial or equidistant."""
     _check_options(out if not force else None, None, None, width)
     found = import_camera(file, load(camera, Camera))
-    measured = found.camera
-    if width is not None:
-        measured = measured.resized(width, round(measured.height_px * width / measured.width_px))
     notes = describe(found, file, camera)
     report = {"model": found.model, "fit_px": found.fit_px}
-    _put_out(measured, notes, report, out=out, as_json=as_json, verb="import")
+    _put_out(_scaled(found.camera, width), notes, report, out=out, as_json=as_json, verb="import")
+
+
+def _scaled(camera: Camera, width_px: int | None) -> Camera:
+    """The camera of images that are scaled to ``width_px``; None: as they are."""
+    if width_px is None:
+        return camera
+    return camera.resized(width_px, round(camera.height_px * width_px / camera.width_px))
 
 
 def _put_out(

@@ -20,7 +20,7 @@ too near. Before the bend this error is left: it is about as large as that of 2Â
 The lane as it is expected bends by its sag p up to the base, and meets the line of sight at (1 + c/p) times the
 distance of the base: the nearer of the two counts.
 
-Such a thing is told from one beside a straight road by two facts. It hides the horizon: the image does not step
+Two conditions separate such a thing from one beside a straight road. It hides the horizon: the image does not step
 there, as it does where ground meets trees or sky. And either the lane bends towards it, or the lane as it is
 expected looks as the ground beside the road, between the thing and the place where the line of sight meets it.
 """

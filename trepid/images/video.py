@@ -1,8 +1,8 @@
 """Videos: their frames by the stamps in the file, up to its end, and what cannot be read by its name.
 
 The number of frames that a file announces proves nothing: Matroska and WebM have none, OpenCV makes one of duration
-and rate, and a trimmed MP4 keeps frames that are never shown. Whether a file was cut short is told by the lengths
-that its container states: ISO 14496-12 (MP4, MOV), RIFF (AVI), RFC 8794 and 9559 (Matroska, WebM).
+and rate, and a trimmed MP4 keeps frames that are never shown. The lengths that its container
+states show whether a file was cut short: ISO 14496-12 (MP4, MOV), RIFF (AVI), RFC 8794 and 9559 (Matroska, WebM).
 """
 
 import math

@@ -159,7 +159,7 @@ def step_outs(driven: list[tuple[Case, Row]]) -> Row:
 
 
 def bystanders(driven: list[tuple[Case, Row]]) -> Row:
-    """A stop for a person who stands beside the lane is not needed."""
+    """A drive past a person beside the lane passes without a stop."""
     return _common(driven) | {"stops not needed": sum(row["stood"] for _, row in driven)}
 
 
