@@ -15,6 +15,7 @@ from trepid.topics import (
     COMMAND,
     DECISION,
     LEAD_VEHICLE,
+    ROAD_USERS,
     VEHICLE_STATE,
     Topic,
     estimate_topic,
@@ -23,7 +24,7 @@ from trepid.types import Image
 
 M = TypeVar("M")
 KEYS = (
-    *(topic.key for topic in (DECISION, COMMAND, VEHICLE_STATE, LEAD_VEHICLE)),
+    *(topic.key for topic in (DECISION, COMMAND, VEHICLE_STATE, LEAD_VEHICLE, ROAD_USERS)),
     estimate_topic("*").key,
 )
 STALE_S = 0.5

@@ -1,4 +1,4 @@
-"""A drive as a video: camera images with the lanes, the path, the vehicle ahead and the fear of each frame.
+"""A drive as a video: camera images with lanes, path, vehicle and people ahead, and the fear of each frame.
 
 What is drawn comes from the very frame that is shown. The video runs at a constant rate on the clock of the drive;
 an image is repeated until the next one.
@@ -13,15 +13,16 @@ import numpy as np
 
 from cockpit.export.drive import STALE_S, Drive
 from cockpit.export.frames import rate_of
-from cockpit.page.overlay import overlay
+from cockpit.page.overlay import ahead_text, corners_px, overlay
 from perception.images.annotate import HIGH, LEFT, LOW, PANEL, RIGHT, AnnotationWriter, enlarged, label
 from perception.images.fear_strip import with_decision
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.topics import DECISION, LEAD_VEHICLE, VEHICLE_STATE
+from trepid.topics import DECISION, LEAD_VEHICLE, ROAD_USERS, VEHICLE_STATE
 from trepid.types import Image
 
+PEOPLE = (77, 225, 255)
 LANES = (LEFT, RIGHT, (255, 90, 255), HIGH)  # colours of the estimators
 
 
@@ -62,8 +63,8 @@ def drawn(drive: Drive, t_s: float, image: Image, camera: Camera, vehicle: Vehic
     """The frame captured at ``t_s`` with what the nodes computed from it, at least 640 px wide."""
     canvas = enlarged(image)[0]
     estimates, decision = drive.estimates_from(t_s), drive.from_frame(DECISION, t_s)
-    lead = drive.from_frame(LEAD_VEHICLE, t_s)
-    shapes = overlay(estimates.values(), decision, lead, camera, vehicle)
+    lead, people = drive.from_frame(LEAD_VEHICLE, t_s), drive.from_frame(ROAD_USERS, t_s)
+    shapes = overlay(estimates.values(), decision, lead, camera, vehicle, people)
     scale = np.array([canvas.shape[1] / camera.width_px, canvas.shape[0] / camera.height_px])
     if shapes["path"]:
         tinted = canvas.copy()
@@ -74,17 +75,28 @@ def drawn(drive: Drive, t_s: float, image: Image, camera: Camera, vehicle: Vehic
         for side in ("left", "right"):
             _line(canvas, lane[side], scale, LANES[number % len(LANES)])
     if shapes["lead"]:
-        left, top, right, bottom = shapes["lead"]
-        _line(canvas, [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]], scale, LOW)
+        _line(canvas, corners_px(shapes["lead"]), scale, LOW, closed=True)
+    for one in shapes["people"]:
+        corners = corners_px(one["box"])
+        _line(canvas, corners, scale, PEOPLE, closed=True)
+        left, top = np.round(corners[0] * scale).astype(int).tolist()
+        label(canvas, ahead_text(one["kind"], one["distance"]), (left, top), 0.36 * canvas.shape[1] / 640)
     return with_decision(canvas, decision, estimates)
 
 
-def _line(canvas: Image, line: Iterable[Iterable[float]], scale: Any, colour: tuple[int, int, int]) -> None:
+def _line(
+    canvas: Image,
+    line: Iterable[Iterable[float]],
+    scale: Any,
+    colour: tuple[int, int, int],
+    *,
+    closed: bool = False,
+) -> None:
     points = _points(line, scale)
     unit = max(1, round(canvas.shape[1] / 480))
     if len(points) > 1:
-        cv2.polylines(canvas, [points], False, PANEL, unit + 2, cv2.LINE_AA, 4)
-        cv2.polylines(canvas, [points], False, colour, unit, cv2.LINE_AA, 4)
+        cv2.polylines(canvas, [points], closed, PANEL, unit + 2, cv2.LINE_AA, 4)
+        cv2.polylines(canvas, [points], closed, colour, unit, cv2.LINE_AA, 4)
 
 
 def _points(line: Iterable[Iterable[float]], scale: Any) -> Any:

@@ -1,6 +1,7 @@
 """The parts of the viewers' messages: lines and texts on pictures, markers, transforms, calibration."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -85,12 +86,13 @@ def points_of(lane: Lane, far_m: float, aside_m: float = 0.0) -> list[Any]:
     return [ros.point(x_m, lane.y_m(x_m) + aside_m) for x_m in np.linspace(0.0, far_m, STEPS).tolist()]
 
 
-def note(t_s: float, text: str) -> Any:
-    """``text`` in the upper left corner of the picture."""
+def note(t_s: float, text: str, at_px: Sequence[float] = (2.0 - CORNER_PX, FONT_PX + 2.0 - CORNER_PX)) -> Any:
+    """``text`` on the picture, its lower left corner at ``at_px`` [px]; default: in the upper left corner."""
+    x, y = at_px
     return ros.new(
         "foxglove_msgs/TextAnnotation",
         timestamp=ros.stamp(t_s),
-        position=ros.new("foxglove_msgs/Point2", x=2.0, y=FONT_PX + 2.0),
+        position=ros.new("foxglove_msgs/Point2", x=x + CORNER_PX, y=y + CORNER_PX),
         text=text,
         font_size=FONT_PX,
         text_color=annotated(WHITE),

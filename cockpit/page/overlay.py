@@ -104,19 +104,33 @@ def lead_px(lead: LeadVehicle, camera: Camera, vehicle: Vehicle) -> Box | None:
     return [round(value, 1) for value in (left, bottom - LEAD_HEIGHT * (right - left), right, bottom)]
 
 
+def corners_px(box: Box) -> list[list[float]]:
+    """The four corners of a box (left, top, right, bottom), clockwise from the upper left one."""
+    left, top, right, bottom = box
+    return [[left, top], [right, top], [right, bottom], [left, bottom]]
+
+
+def size_m(kind: str, vehicle: Vehicle) -> tuple[float, float]:
+    """Width and height of a road user of ``kind`` as it is drawn [m]."""
+    wide_m, high_m = PEOPLE_M.get(kind, PERSON_M)
+    return wide_m * vehicle.scale, high_m * vehicle.scale
+
+
+def ahead_text(kind: str, distance_m: float) -> str:
+    """A road user in words: ``person 6 m``."""
+    return f"{kind} {distance_m:.0f} m"
+
+
 def people_px(road_users: RoadUsers, camera: Camera, vehicle: Vehicle) -> list[dict[str, Any]]:
     """Kind, distance from the front bumper [m] and upright box of every road user in view, the farthest first."""
     nose_m, found = vehicle.wheelbase_m + vehicle.front_overhang_m, []
     for kind, x_m, y_m in zip(road_users.kinds, road_users.x_m, road_users.y_m, strict=False):
         depth_m = x_m - camera.x_m
-        if not (math.isfinite(y_m) and depth_m > 0.1):
+        if not (math.isfinite(depth_m + y_m) and depth_m > 0.1):
             continue
         (middle, bottom) = camera.pixel_from_road([[x_m, y_m]])[0].tolist()
-        wide_m, high_m = PEOPLE_M.get(kind, PERSON_M)
-        half_px, high_px = (
-            camera.fx_px * wide_m * vehicle.scale / depth_m / 2,
-            camera.fy_px * high_m * vehicle.scale / depth_m,
-        )
+        wide_m, high_m = size_m(kind, vehicle)
+        half_px, high_px = camera.fx_px * wide_m / depth_m / 2, camera.fy_px * high_m / depth_m
         box = (middle - half_px, bottom - high_px, middle + half_px, bottom)
         if all(map(math.isfinite, box)):
             found.append(

@@ -15,21 +15,23 @@ import pytest
 from recorded_rig import recorded
 
 from cockpit.export.drive import STALE_S, Drive
+from cockpit.export.film import drawn
 from cockpit.export.frames import DrivenFrame, rate_of
 from cockpit.export.table import Table, table, times
 from cockpit.export.tub import write_tub
 from learning.dataset.sources.log import Faults
 from learning.dataset.sources.tub import BY_PILOT, is_tub, read_tub
 from sim_harness.scenarios.scenario import load_scenario
+from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.cli import main
 from trepid.clock import seconds
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import CompressedFrame, SteeringEstimate, VehicleState
+from trepid.messages import CompressedFrame, RoadUsers, SteeringEstimate, VehicleState
 from trepid.recording.foreign import in_order
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording
-from trepid.topics import CAMERA_COMPRESSED, DECISION, VEHICLE_STATE, estimate_topic
+from trepid.topics import CAMERA_COMPRESSED, DECISION, ROAD_USERS, VEHICLE_STATE, estimate_topic
 from trepid.wire import to_cdr
 
 SCENARIO = load_scenario("straight", {"duration_s": "5"})
@@ -208,6 +210,26 @@ def test_the_video_lasts_as_long_as_the_images_and_shows_what_was_decided(
     shown = cv2.resize(read[-1], plain[0].shape[1::-1])
     changed = np.abs(shown.astype(int) - plain[15].astype(int)).max(axis=2) > 60
     assert 0.01 < changed.mean() < 0.4  # lines, path and strip, and the rest is the image
+
+
+def test_a_person_is_drawn_in_the_very_frame_where_the_detector_found_it(tmp_path: Path) -> None:
+    path, times_s = tmp_path / "d.mcap", (START_S, START_S + 0.1)
+    camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    place = dict(x_m=(12.0,), y_m=(-1.5,), x_mps=(0.0,), y_mps=(0.0,), confidences=(0.9,))
+    with Recording(path, {}, {}) as out:
+        for t_s in times_s:
+            out.add(CAMERA_COMPRESSED.key, to_cdr(CompressedFrame(t_s=t_s, jpeg=jpeg())), at_s=t_s)
+        users = RoadUsers(t_s=times_s[1], kinds=("person",), detects=("person",), **place)
+        out.add(ROAD_USERS.key, to_cdr(users), at_s=times_s[1] + 0.05)
+    opened = Drive(path)
+    without, shown = (
+        drawn(opened, t_s, np.full((240, 320, 3), 90, np.uint8), camera, vehicle) for t_s in times_s
+    )
+    rows, columns = np.nonzero((without != shown).any(axis=2))
+    feet_px = 2 * camera.pixel_from_road([[12.0, -1.5]])[0]  # the film is twice as wide as the picture
+    assert rows.max() == pytest.approx(feet_px[1], abs=4)
+    yellow = (np.abs(shown - np.array([77.0, 225.0, 255.0])) < 70).all(axis=2)
+    assert np.nonzero(yellow)[1].mean() == pytest.approx(feet_px[0], abs=2) and len(columns) > 200
 
 
 def test_the_rate_of_a_video_is_the_usual_one_of_the_images() -> None:
