@@ -10,8 +10,8 @@ import pytest
 from drive_rig import START_S, write_table, write_tub
 from rule_rig import FALLING, RISING, small_rules
 
+from cockpit.calibration.drive_log import read_log as read_identification_log
 from cockpit.compare.runs import read_runs
-from controller.identify.drive_log import read_log as read_identification_log
 from learning.dataset.build import read_log
 from learning.dataset.sources.log import Faults
 from learning.dataset.sources.table import TableOptions

@@ -70,7 +70,7 @@ VERBS = {
     "calibrate": Verb("vehicle.actuators.rc.cli", help="Calibrate the pulses of an RC car, live."),
     "fear": Verb("cockpit.rulebook.cli", help="Check, show and explain fuzzy rule files."),
     "vehicle": Verb(
-        "controller.cli",
+        "cockpit.calibration.vehicle_cli",
         help="Steering angles of the bicycle model, vehicle parameters from a log, margins of steering.",
     ),
     "ros": Verb("vehicle.ros.cli", help="The messages as a ROS 2 package."),

@@ -1,6 +1,6 @@
 """Estimation of steering offset and understeer while driving.
 
-The relation of :mod:`controller.identify.identification` in steady state, one vehicle state at a time:
+The relation of ``trepid vehicle identify`` in steady state, one vehicle state at a time:
 
     θ - atan(L·(r - r₀)/v) = K·a - b + T·θ'        a = v·(r - r₀)
 

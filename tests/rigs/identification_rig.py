@@ -8,9 +8,9 @@ from car_rig import Car
 from controller_rig import SETTINGS
 from message_rig import state, vehicle
 
-from controller.identify.drive_log import DriveLog
-from controller.identify.identification import identify_understeer
-from controller.identify.steering_response import identify_response
+from cockpit.calibration.drive_log import DriveLog
+from cockpit.calibration.identification import identify_understeer
+from cockpit.calibration.steering_response import identify_response
 from controller.learner.steering_learner import SteeringLearner
 from trepid.car.vehicle import GRADIENT
 

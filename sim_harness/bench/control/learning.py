@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from cockpit.calibration.drive_log import DriveLog, log_of
+from cockpit.calibration.identification import identify_understeer
 from controller.controller import Controller, ControllerSettings
-from controller.identify.drive_log import DriveLog, log_of
-from controller.identify.identification import identify_understeer
 from controller.learner.steering_learner import SteeringLearner
 from sim_harness.bench.control.contestants import contestants, driven, nominal, shipped, unlearning
 from sim_harness.bench.control.episode import drive

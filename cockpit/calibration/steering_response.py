@@ -18,9 +18,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from controller.identify.confidence import covariance
-from controller.identify.drive_log import DriveLog
-from controller.identify.identification import GAP_S, Identified, interval, jitter
+from cockpit.calibration.confidence import covariance
+from cockpit.calibration.drive_log import DriveLog
+from cockpit.calibration.identification import GAP_S, Identified, interval, jitter
 from trepid.car.vehicle import Vehicle
 from trepid.types import Array, Mask
 

@@ -15,11 +15,11 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 from typer.testing import CliRunner
 
-from controller.cli import app
-from controller.identify.confidence import bandwidth, covariance, long_run
-from controller.identify.drive_log import read_log
-from controller.identify.identification import identify_understeer, settling, steady_curvature
-from controller.identify.steering_response import followed, identify_response
+from cockpit.calibration.confidence import bandwidth, covariance, long_run
+from cockpit.calibration.drive_log import read_log
+from cockpit.calibration.identification import identify_understeer, settling, steady_curvature
+from cockpit.calibration.steering_response import followed, identify_response
+from cockpit.calibration.vehicle_cli import app
 from trepid.config import ROOT, InputError
 from trepid.messages import Command, VehicleState
 from trepid.recording.writer import Recording

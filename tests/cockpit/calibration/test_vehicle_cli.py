@@ -6,7 +6,7 @@ import math
 import pytest
 from typer.testing import CliRunner
 
-from controller.cli import app
+from cockpit.calibration.vehicle_cli import app
 from trepid.config import InputError
 
 

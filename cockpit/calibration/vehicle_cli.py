@@ -14,7 +14,7 @@ from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
 from trepid.speech.loudness import warn
 
 if TYPE_CHECKING:
-    from controller.identify.identification import Parameter
+    from cockpit.calibration.identification import Parameter
 
 VEHICLE = CONFIG_DIR / "vehicle.yaml"
 VehicleFile = Annotated[Path, typer.Option(help="Vehicle file.")]
@@ -96,9 +96,9 @@ def identify(
 
     Units are printed with each value. Exit code 1, with the reason, when the log does not excite the understeer.
     """
-    from controller.identify.drive_log import read_log  # scipy and MCAP take a second; `steer` needs neither
-    from controller.identify.identification import identify_understeer
-    from controller.identify.steering_response import identify_response
+    from cockpit.calibration.drive_log import read_log  # scipy and MCAP take a second; `steer` needs neither
+    from cockpit.calibration.identification import identify_understeer
+    from cockpit.calibration.steering_response import identify_response
 
     loaded = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     drive = read_log(log, dict(_renaming(text) for text in column or []))

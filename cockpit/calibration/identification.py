@@ -18,7 +18,7 @@ one, both below 1 Hz. As the angle is noisy too, errors are weighted as
 
 whose sum of squares is that of total least squares (Deming regression) for errors σ_θ, σ_r. σ_θ is the noise
 of the angle, σ_r all other errors: gyroscope, wind, crossfall, model. Outliers have less weight (soft L1), and the
-confidence intervals account for correlated errors (:mod:`controller.identify.confidence`).
+confidence intervals account for correlated errors (:mod:`cockpit.calibration.confidence`).
 
 Fuller, Measurement Error Models (1987), section 1.3; Rajamani, Vehicle Dynamics and Control (2012), section 2.3;
 Ljung, System Identification (1999), chapter 7.
@@ -32,8 +32,8 @@ from scipy.linalg import solve_banded
 from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
 
-from controller.identify.confidence import NORMAL_95, covariance
-from controller.identify.drive_log import DriveLog
+from cockpit.calibration.confidence import NORMAL_95, covariance
+from cockpit.calibration.drive_log import DriveLog
 from controller.model.bicycle import GRAVITY_MPS2
 from trepid.car.vehicle import GRADIENT, Vehicle
 from trepid.types import Array, Mask

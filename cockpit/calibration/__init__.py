@@ -1,0 +1,1 @@
+"""Measuring a car before it drives: the parameters of its files."""

@@ -1,1 +1,0 @@
-"""Identification of vehicle parameters from a log."""
