@@ -65,7 +65,9 @@ VERBS = {
         "estimate",
         "Estimate the lane, or find the vehicle ahead, in images, folders of images, videos and recordings.",
     ),
-    "camera": Verb("perception.camera.cli", help="Calibrate a camera: its lens and how it is mounted."),
+    "camera": Verb(
+        "cockpit.calibration.camera_cli", help="Calibrate a camera: its lens and how it is mounted."
+    ),
     "detector": Verb("perception.lead.detector_cli", help="Detectors of vehicles on real roads."),
     "calibrate": Verb("vehicle.actuators.rc.cli", help="Calibrate the pulses of an RC car, live."),
     "fear": Verb("cockpit.rulebook.cli", help="Check, show and explain fuzzy rule files."),

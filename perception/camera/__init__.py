@@ -1,1 +1,1 @@
-"""Calibration of the lens and the mounting of a camera, self-calibration, image statistics."""
+"""What images tell of their camera: self-calibration, optics, odometry; image statistics."""

@@ -6,7 +6,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from perception.camera.height import Step
+from cockpit.calibration.height import Step
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 

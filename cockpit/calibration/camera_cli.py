@@ -11,12 +11,12 @@ from typing import Annotated, Any
 import typer
 from pydantic import ValidationError
 
-from perception.camera.camera_info import describe, import_camera
-from perception.camera.chessboard import Intrinsics, intrinsics
-from perception.camera.drive_clip import steps_of
-from perception.camera.height import Step
-from perception.camera.straight_drive import Mounting, mounting
-from perception.camera.winding_drive import Driven, camera_by_driving, recorded_frames
+from cockpit.calibration.camera_info import describe, import_camera
+from cockpit.calibration.chessboard import Intrinsics, intrinsics
+from cockpit.calibration.drive_clip import steps_of
+from cockpit.calibration.height import Step
+from cockpit.calibration.straight_drive import Mounting, mounting
+from cockpit.calibration.winding_drive import Driven, camera_by_driving, recorded_frames
 from perception.images.sources import Clip, Still, sources
 from trepid.car.camera import Camera
 from trepid.commands.car_option import Car

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from chessboard_rig import CORNERS, DISTORTION, MATRIX, POSES, drawn
 
-from perception.camera.chessboard import intrinsics
+from cockpit.calibration.chessboard import intrinsics
 from trepid.config import InputError
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from video_rig import matroska
 
-from perception.camera.drive_clip import steps_of
+from cockpit.calibration.drive_clip import steps_of
 
 
 def test_the_distance_between_two_frames_of_a_video_is_that_of_their_stamps(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.camera.height import Step
+from cockpit.calibration.height import Step
 from perception.images.sources import Clip, Source, Still, sources
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS, decoded_image

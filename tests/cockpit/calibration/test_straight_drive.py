@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from straight_drive_rig import KNOWN, LANE_M, TRUE, clip
 
-from perception.camera.height import Step
-from perception.camera.straight_drive import mounting
+from cockpit.calibration.height import Step
+from cockpit.calibration.straight_drive import mounting
 from trepid.car.camera import Camera
 from trepid.config import InputError
 

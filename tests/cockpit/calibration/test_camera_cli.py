@@ -10,8 +10,8 @@ import pytest
 import straight_drive_rig as drives
 from typer.testing import CliRunner
 
-from perception.camera.cli import app
-from perception.camera.height import Step
+from cockpit.calibration.camera_cli import app
+from cockpit.calibration.height import Step
 from trepid.__main__ import main
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load

@@ -11,8 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from perception.camera.camera_info import import_camera
-from perception.camera.cli import app
+from cockpit.calibration.camera_cli import app
+from cockpit.calibration.camera_info import import_camera
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 

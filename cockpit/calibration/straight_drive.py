@@ -7,7 +7,7 @@ the direction of driving it lies at
 
 (Hartley and Zisserman, Multiple View Geometry, 2004, section 8.6). The mean heading of a vehicle that keeps
 its lane is that of the lane, so the median over the frames is a property of the camera. The height follows
-from the known width of the lane or the known distance between two frames (:mod:`perception.camera.height`).
+from the known width of the lane or the known distance between two frames (:mod:`cockpit.calibration.height`).
 """
 
 import math
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.camera.height import MIN_FRAMES, Step, height
+from cockpit.calibration.height import MIN_FRAMES, Step, height
 from perception.camera.road_lines import (
     MIN_RISE,
     MIN_SEGMENTS,

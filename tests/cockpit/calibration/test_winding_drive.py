@@ -8,8 +8,8 @@ from pathlib import Path
 import cv2
 import pytest
 
-from perception.camera.cli import camera_yaml
-from perception.camera.winding_drive import DrivenFrame, camera_by_driving, recorded_frames
+from cockpit.calibration.camera_cli import camera_yaml
+from cockpit.calibration.winding_drive import DrivenFrame, camera_by_driving, recorded_frames
 from sim_harness.bench.perception.unknown_camera import Moment, unknown_drive
 from trepid.__main__ import main
 from trepid.car.camera import Camera
