@@ -69,7 +69,7 @@ VERBS = {
         "cockpit.calibration.camera_cli", help="Calibrate a camera: its lens and how it is mounted."
     ),
     "detector": Verb("perception.lead.detector_cli", help="Detectors of vehicles on real roads."),
-    "calibrate": Verb("vehicle.actuators.rc.cli", help="Calibrate the pulses of an RC car, live."),
+    "calibrate": Verb("cockpit.calibration.rc_cli", help="Calibrate the pulses of an RC car, live."),
     "fear": Verb("cockpit.rulebook.cli", help="Check, show and explain fuzzy rule files."),
     "vehicle": Verb(
         "cockpit.calibration.vehicle_cli",

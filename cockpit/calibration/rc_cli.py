@@ -16,14 +16,14 @@ from typing import Annotated, Any
 import typer
 from pydantic import TypeAdapter, ValidationError
 
+from cockpit.calibration import rc_file
+from cockpit.calibration.rc_session import HELP, Pressed, Session
 from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, car_folder, load
 from trepid.speech.loudness import warn
-from vehicle.actuators.rc import calibration_file
 from vehicle.actuators.rc.actuator import Board, open_board, require_reach
 from vehicle.actuators.rc.pulses import Speed
-from vehicle.actuators.rc.session import HELP, Pressed, Session
 from vehicle.actuators.rc.settings import RcSettings
 
 app = typer.Typer()
@@ -70,8 +70,8 @@ def steering(
     folder = car_folder()
     if folder is None:
         raise InputError("give the folder of the car: --car DIR; `trepid init` makes one")
-    name = board or calibration_file.chosen()
-    if name not in calibration_file.BOARDS:
+    name = board or rc_file.chosen()
+    if name not in rc_file.BOARDS:
         raise InputError(f"--board {name}: expected pca9685 or serial")
     changes = _given(
         {
@@ -84,7 +84,7 @@ def steering(
             "throttle.speeds": _speeds(speed or []) or None,
         }
     )
-    settings = calibration_file.settings_of(name, changes)
+    settings = rc_file.settings_of(name, changes)
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     if not changes and file_only:
         raise InputError("--file-only needs values, such as --centre 1490")
@@ -93,9 +93,9 @@ def steering(
     elif not file_only:
         _show(settings, [changes[key] for key in changes if key.startswith("steering.") and "_us" in key])
     if changes:
-        path = calibration_file.write(folder, name, changes)
+        path = rc_file.write(folder, name, changes)
         try:
-            require_reach(name, calibration_file.settings_of(name).steering, vehicle)
+            require_reach(name, rc_file.settings_of(name).steering, vehicle)
         except InputError as error:
             warn(f"trepid: warning: {error}")
         print(json.dumps({"file": str(path), "board": name, **changes}) if as_json else f"{path}: written")
@@ -181,7 +181,7 @@ def _by_keys(folder: Path, name: str, settings: RcSettings) -> dict[str, Any]:
 def _fault(name: str, changes: dict[str, Any]) -> str:
     """What is wrong with the recorded values; ""."""
     try:
-        calibration_file.settings_of(name, changes)
+        rc_file.settings_of(name, changes)
     except InputError as error:
         return str(error)
     return ""

@@ -13,12 +13,12 @@ import pytest
 from process_rig import until
 from rc_rig import STEERING, STEERING_CHANNEL, THROTTLE, THROTTLE_CHANNEL, Time, car, chip_on, command, pca
 
+from cockpit.calibration.rc_file import settings_of, write
+from cockpit.calibration.rc_session import DOWN, IDLE_S, LEFT, RIGHT, UP, Session
 from sim_harness.counterparts.pca9685 import Registers
 from trepid.cli import main
 from trepid.config import use_car
 from vehicle.actuators.rc.actuator import PcaActuator
-from vehicle.actuators.rc.calibration_file import settings_of, write
-from vehicle.actuators.rc.session import DOWN, IDLE_S, LEFT, RIGHT, UP, Session
 
 TEXT = """# My car.
 actuator: pca9685   # the chip under the roof
