@@ -1,23 +1,27 @@
-"""The table of estimators for `--estimator NAME` and the perception process."""
+"""The table of estimators for `--estimator NAME` and the perception process.
+
+Each estimator is imported when it is built: a process of a car loads its own one only (ONNX Runtime alone takes
+0.2 s and 40 MB), and nothing of what serves footage without a camera file.
+"""
 
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from perception.camera.odometry import Odometry
-from perception.lane.lane_cv import LaneCv
-from perception.lane.settings import LaneCvSettings
-from perception.lane.which_lane import WhichLane
-from trepid import plugins
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load, resource
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
 from trepid.scale import ReferenceWorld, scaled_settings
 from trepid.spelling import did_you_mean_or_list
+
+if TYPE_CHECKING:
+    from perception.camera.odometry import Odometry
+    from perception.lane.settings import LaneCvSettings
+    from perception.lane.which_lane import WhichLane
 
 NETWORK_SUFFIX = ".onnx"
 NAME = r"[A-Za-z][\w-]*"  # of a driving network, and so of topics
@@ -68,7 +72,7 @@ class Entry:
     # takes its place where it is not made for a camera and vehicle of their own world. Raises InputError
     misfit: Callable[[Camera, Vehicle], Unfit | None] | None = None
     # for a self-calibrated camera; None: `construct` takes it as if it were known
-    construct_assumed: Callable[[Camera, Vehicle, WhichLane], Estimator] | None = None
+    construct_assumed: "Callable[[Camera, Vehicle, WhichLane], Estimator] | None" = None
 
     def build(
         self,
@@ -76,7 +80,7 @@ class Entry:
         vehicle: Vehicle,
         *,
         assumed: bool = False,
-        finder: WhichLane | None = None,
+        finder: "WhichLane | None" = None,
     ) -> Estimator:
         """The estimator for ``camera`` on ``vehicle``, in the scale of its lanes.
 
@@ -89,7 +93,7 @@ class Entry:
             return unfit
         eye, reference = _in_reference_world(camera, vehicle)
         if assumed and self.construct_assumed:
-            finder = finder or lane_finder(camera, vehicle, Odometry.NONE)
+            finder = finder or lane_finder(camera, vehicle)
             estimator = self.construct_assumed(eye, reference, finder)
         else:
             estimator = self.construct(eye, reference)
@@ -101,13 +105,17 @@ def _in_reference_world(camera: Camera, vehicle: Vehicle) -> tuple[Camera, Vehic
     return scaled_settings(camera, 1 / vehicle.scale), vehicle.in_reference_world
 
 
-def lane_finder(camera: Camera, vehicle: Vehicle, odometry: Odometry) -> WhichLane:
-    """The lane finder of a self-calibrated ``camera``, for :meth:`Entry.build`."""
+def lane_finder(camera: Camera, vehicle: Vehicle, odometry: "Odometry | None" = None) -> "WhichLane":
+    """The lane finder of a self-calibrated ``camera``, for :meth:`Entry.build`; without odometry by default."""
+    from perception.camera.odometry import Odometry
+    from perception.lane.which_lane import WhichLane
+
+    odometry = odometry or Odometry.NONE
     return WhichLane(lane_cv_settings(), *_in_reference_world(camera, vehicle), odometry)
 
 
 def build_beside(
-    names: Iterable[str], camera: Camera, vehicle: Vehicle, *, assumed: bool, odometry: Odometry
+    names: Iterable[str], camera: Camera, vehicle: Vehicle, *, assumed: bool, odometry: "Odometry"
 ) -> dict[str, Estimator]:
     """Estimators of the same frames, by name or by file of a driving network.
 
@@ -120,27 +128,30 @@ def build_beside(
     }
 
 
-def lane_cv_settings() -> LaneCvSettings:
+def lane_cv_settings() -> "LaneCvSettings":
     """``config/perception.yaml``. Raises InputError."""
+    from perception.lane.settings import LaneCvSettings
+
     return load(CONFIG_DIR / "perception.yaml", LaneCvSettings)
 
 
 def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
+    from perception.lane.lane_cv import LaneCv
+
     return LaneCv(lane_cv_settings(), camera, vehicle)
 
 
-def _lane_cv_assumed(camera: Camera, vehicle: Vehicle, finder: WhichLane) -> Estimator:
+def _lane_cv_assumed(camera: Camera, vehicle: Vehicle, finder: "WhichLane") -> Estimator:
     return finder
 
 
 def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
-    # Imported here: ONNX Runtime takes 0.2 s and 40 MB, which the other estimators do not need.
     from perception.net.steer_net import SteerNet, SteerNetSettings
 
     return SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
 
 
-def _steer_net_assumed(camera: Camera, vehicle: Vehicle, finder: WhichLane) -> Estimator:
+def _steer_net_assumed(camera: Camera, vehicle: Vehicle, finder: "WhichLane") -> Estimator:
     from perception.net.confirmed import ConfirmedNet
     from perception.net.steer_net import SteerNet, SteerNetSettings
 
@@ -198,6 +209,8 @@ def estimators() -> dict[str, Entry]:
 
 def _of_other_packages() -> dict[str, Entry]:
     """Estimators of the entry points ``trepid.estimators``, each imported when it is built."""
+    from trepid import plugins
+
     return {
         name: Entry(
             f"added by the package {point.dist.name if point.dist else '?'}",
@@ -209,6 +222,8 @@ def _of_other_packages() -> dict[str, Entry]:
 
 
 def _added(name: str, camera: Camera, vehicle: Vehicle) -> Estimator:
+    from trepid import plugins
+
     return plugins.part(plugins.Group.ESTIMATORS, name, {})(camera, vehicle)
 
 

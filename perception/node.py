@@ -5,15 +5,18 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from perception.estimators import build
-from perception.sight.judge import build as build_judge
 from trepid.messages import SteeringEstimate
 from trepid.processes.journal import Journal
 from trepid.processes.process import Process
 from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
 from trepid.topics import CAMERA_IMAGE, IMAGE_STATISTICS, VEHICLE_STATE, estimate_topic
+
+if TYPE_CHECKING:
+    from perception.sight.judge import ImageJudge
 
 IDLE_S = 0.1  # without frames
 UNREADABLE = "the newest frame is malformed, or the clock of its camera has stepped back"
@@ -33,7 +36,7 @@ class EstimatorNode:
         self._send_estimate = me.bus.publisher(estimate_topic(name))
         self._send_statistics = me.bus.publisher(IMAGE_STATISTICS)
         self._estimator = build(name, network=me.options.get("network"))
-        self._judge = build_judge() if me.options["statistics"] else None
+        self._judge = _build_judge() if me.options["statistics"] else None
         outputs = (estimate_topic(name), *((IMAGE_STATISTICS,) if self._judge else ()))
         self._journal = Journal(me, *outputs, reads=(self._frames, self._state))
         self._times = Timekeeper(me.bus, name, me.now_s)
@@ -77,6 +80,13 @@ class EstimatorNode:
         )
         self._send_estimate(replace(nothing, confidence=math.nan))
         self._last = None
+
+
+def _build_judge() -> "ImageJudge":
+    """The judge of the image, imported in the process that runs it only."""
+    from perception.sight.judge import build as build_judge
+
+    return build_judge()
 
 
 @contextmanager

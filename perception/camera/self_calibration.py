@@ -2,40 +2,22 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from perception.camera.grey import small_grey
 from perception.camera.road_lines import Segments, segments
+from perception.camera.settings import SelfCalibrationSettings
 from trepid.car.camera import PITCH_BOUND_RAD, Camera
-from trepid.config import Settings
-from trepid.types import Array, Positive, Share
+from trepid.types import Array
 
 CALIBRATION_FRAMES = 9  # of a clip, spread over it, that calibrate its camera
 MIN_CAMERA_PX = 16  # of a Camera
 MIN_IMAGE_PX = 32  # smaller images have no vanishing point
 MIN_RISE = 0.15  # rise over length of a segment
 MAX_LENGTH_PX = 40.0  # longer segments count as this
-
-
-class SelfCalibrationSettings(Settings):
-    """Section ``self_calibration`` of ``config/perception.yaml``."""
-
-    focal_per_width: Positive
-    focal_sigma: Positive
-    height_m: Positive
-    height_sigma: Positive
-    ahead_of_rear_axle_m: float
-    horizon_share: Share
-    horizon_sigma: Positive
-    centre_sigma: Positive
-    min_segment_px: Positive
-    angle_sigma_rad: Positive
-    prior_weight: Positive
-    grid_step_px: Annotated[int, Field(ge=1)]
 
 
 class VanishingPoint(NamedTuple):

@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from perception.camera.self_calibration import SelfCalibrationSettings
+from perception.camera.settings import SelfCalibrationSettings
 from perception.lane.camera_check import CameraCheckSettings
 from perception.lane.detection.edges import EdgeSettings
 from perception.lane.detection.points import MarkingSettings
