@@ -93,6 +93,8 @@ class Instant:
 VEHICLE_M = 5.0  # length of a car
 Witness = Callable[[Instant], None]
 """Called at every instant of a run, including the run-up."""
+Until = Callable[[Instant], bool]
+"""Whether a run ends at this instant, before its duration is over."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +123,12 @@ class Result:
 
 
 def run(
-    scenario: Scenario, *, seed: int = 0, parts: Parts | None = None, witness: Witness | None = None
+    scenario: Scenario,
+    *,
+    seed: int = 0,
+    parts: Parts | None = None,
+    witness: Witness | None = None,
+    until: Until | None = None,
 ) -> Result:
     """Drive ``scenario`` once and judge it; tests give their own ``parts`` instead of the real nodes.
 
@@ -129,7 +136,7 @@ def run(
     """
     cv2.setNumThreads(1)
     simulator = load_simulator()
-    loop = ClosedLoop(scenario, parts or build_parts(scenario, seed=seed), simulator, witness)
+    loop = ClosedLoop(scenario, parts or build_parts(scenario, seed=seed), simulator, witness, until)
     started_s = time.perf_counter()
     trace = loop.drive()
     wall_s = time.perf_counter() - started_s
@@ -225,9 +232,10 @@ class ClosedLoop:
         parts: Parts,
         simulator: SimulatorSettings,
         witness: Witness | None = None,
+        until: Until | None = None,
     ) -> None:
         self._scenario = scenario
-        self._witness = witness
+        self._witness, self._until = witness, until
         self._parts = parts
         self._simulator = simulator
         self._stack = Stack(
@@ -256,30 +264,33 @@ class ClosedLoop:
                 if shot is not None:
                     stack.send(self._perceive(shot, state, lost, now_s))
             stack.step(state, command_due=command_due(tick), now_s=now_s, lost=lost)
+            now = self._instant(now_s, truth, state, shot)
             if self._witness is not None:
-                self._witness(
-                    Instant(
-                        now_s=now_s,
-                        truth=truth,
-                        state=state,
-                        frame=shot.frame if shot else None,
-                        sight=shot.sight if shot else None,
-                        estimates=stack.estimates,
-                        statistics=stack.statistics,
-                        lead=stack.lead,
-                        road_users=stack.road_users,
-                        decision=stack.decision,
-                        command=stack.command,
-                    )
-                )
+                self._witness(now)
             if tick >= 0:
                 recorder.add(truth, state, stack.command, stack.decision, stack.estimates)
                 manoeuvres.append(truth.manoeuvres)
                 user_gaps_m.append(nearest_gap_m(parts.vehicle.box, parts.vehicle.road_users))
-            if truth.finished:
+            if truth.finished or (self._until is not None and self._until(now)):
                 break
         return with_events(
             recorder.trace(), self._scenario, parts.vehicle.road, manoeuvres, user_gaps_m=user_gaps_m
+        )
+
+    def _instant(self, now_s: float, truth: SimTruth, state: VehicleState, shot: Shot | None) -> Instant:
+        stack = self._stack
+        return Instant(
+            now_s=now_s,
+            truth=truth,
+            state=state,
+            frame=shot.frame if shot else None,
+            sight=shot.sight if shot else None,
+            estimates=stack.estimates,
+            statistics=stack.statistics,
+            lead=stack.lead,
+            road_users=stack.road_users,
+            decision=stack.decision,
+            command=stack.command,
         )
 
     def _perceive(self, shot: Shot, state: VehicleState, lost: Set[str], now_s: float) -> Perception:

@@ -1,7 +1,9 @@
 """`trepid bench people`: step-outs, bystanders and cyclists in lock-step, and the detector on real pictures.
 
-The sensor of the road users is exact, modelled, or the published detector on rendered frames. What is not on this
-machine is named in a line.
+The sensor of the road users is modelled, exact in fewer drives, or the published detector on rendered frames. What
+is not on this machine is named in a line. A drive ends when the car is past the road user.
+
+Every drive is one line in ``runs/people_<seed>.jsonl``: an interrupted benchmark continues.
 """
 
 import math
@@ -18,15 +20,17 @@ from sim_harness.bench.people.cases import BYSTANDER, CYCLIST, STEP_OUT, Case, b
 from sim_harness.bench.people.real import real_pictures
 from sim_harness.bench.real.sets import data_folder
 from sim_harness.lockstep.closed_loop import Instant, build_parts, run
-from sim_harness.sweep.store import finished
+from sim_harness.sweep.store import stored_rows
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, WORK_DIR, InputError, load
 from trepid.messages import Stop
 
-COUNT, QUICK, RENDERED, QUICK_RENDERED = 100, 10, 4, 1
+COUNT, QUICK, RENDERED, QUICK_RENDERED = 100, 10, 8, 1
+EXACT_SHARE = 0.1  # of the drives with a modelled sensor, which is the harder one
 DETECTOR = Path("objectron")
 STOOD_MPS = 0.1
+PAST_M = 1.0
 TRUTH, MODELLED, DETECTED = "exact", "modelled", "detector, rendered frames"
 SIGHT = {TRUTH: "truth", MODELLED: "truth", DETECTED: "camera"}
 SENSOR = {TRUTH: "truth", MODELLED: "modelled", DETECTED: "camera"}
@@ -38,11 +42,16 @@ class Seen:
     """What a run shows, sample by sample."""
 
     nose_m: float  # front bumper before the rear axle
+    car_m: float  # length of the car
     stood: bool = False  # before the road user, not at the start
     emergency: bool = False
     passing_mps: float = math.nan  # speed where the bumper is beside the road user
     last_mps: float = 0.0
     _ahead_m: float = field(default=math.inf)
+
+    def passed(self, _: Instant) -> bool:
+        """Whether the whole car is past the road user."""
+        return self._ahead_m < -self.car_m - PAST_M
 
     def add(self, now: Instant) -> None:
         """Take one instant."""
@@ -70,7 +79,7 @@ def bench_people(
     """Stops, collisions and decelerations by sensor; the speed beside bystanders; recall on real pictures."""
     number = count or (QUICK if quick else COUNT)
     few = QUICK_RENDERED if quick else RENDERED
-    counts = {TRUTH: number, MODELLED: number, DETECTED: few}
+    counts = {TRUTH: max(round(number * EXACT_SHARE), 1), MODELLED: number, DETECTED: few}
     found: dict[str, dict[str, Any]] = {kind: {} for kind in (STEP_OUT, BYSTANDER, CYCLIST)}
     beside: dict[str, Any] = {}
     for sensor, total in counts.items():
@@ -80,7 +89,7 @@ def bench_people(
                 rows[sensor] = missing
                 continue
             drawn = cases(kind, seed, total if kind == STEP_OUT else max(total // 3, 1))
-            driven = _driven(drawn, sensor, jobs=jobs)
+            driven = _driven(drawn, sensor, WORK_DIR / "runs" / f"people_{seed}.jsonl", jobs=jobs)
             rows[sensor] = SCORES[kind](driven)
             if kind == BYSTANDER:
                 beside |= {f"{sensor}, {name}": row for name, row in by_distance(driven).items()}
@@ -96,11 +105,11 @@ def bench_people(
 Row = dict[str, Any]
 
 
-def _driven(drawn: list[Case], sensor: str, *, jobs: int) -> list[tuple[Case, Row]]:
-    """Every case with the result of its run."""
-    numbered = dict(enumerate(drawn))
-    ended = finished(partial(drive, sensor=sensor), numbered, jobs=jobs)
-    return [(numbered[number], row) for number, row in sorted(ended)]
+def _driven(drawn: list[Case], sensor: str, path: Path, *, jobs: int) -> list[tuple[Case, Row]]:
+    """Every case with the result of its run, which ``path`` holds."""
+    named = {f"{sensor}, {case.kind} {number}": case for number, case in enumerate(drawn)}
+    rows = stored_rows(path, partial(drive, sensor=sensor), named, jobs=jobs)
+    return list(zip(drawn, rows, strict=True))
 
 
 def drive(case: Case, *, sensor: str) -> Row:
@@ -111,8 +120,9 @@ def drive(case: Case, *, sensor: str) -> Row:
     if sensor == DETECTED:
         camera = load(CONFIG_DIR / "camera.yaml", Camera)
         parts = replace(parts, lead=lead_finder(lead_settings(DETECTOR), camera, vehicle))
-    seen = Seen(vehicle.wheelbase_m + vehicle.front_overhang_m)
-    result = run(scenario, seed=0, parts=parts, witness=seen.add)
+    nose_m = vehicle.wheelbase_m + vehicle.front_overhang_m
+    seen = Seen(nose_m, nose_m + vehicle.rear_overhang_m)
+    result = run(scenario, seed=0, parts=parts, witness=seen.add, until=seen.passed)
     return {
         "collisions": result.metrics.collisions,
         "decel_mps2": result.metrics.max_decel_mps2,

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_harness.bench.people.bench import MODELLED, TRUTH, by_distance, cyclists, drive, step_outs
+from sim_harness.bench.people.bench import MODELLED, TRUTH, _driven, by_distance, cyclists, drive, step_outs
 from sim_harness.bench.people.cases import (
     BYSTANDER,
     CYCLIST,
@@ -20,6 +20,7 @@ from sim_harness.bench.people.cases import (
     walk_s,
 )
 from sim_harness.bench.people.real import overlap, real_pictures, scored
+from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.road_users import START_RATE_MPS2
 
 
@@ -106,9 +107,39 @@ def test_without_data_or_detector_a_line_says_so(tmp_path: Path, monkeypatch: py
     assert "trepid detector fetch objectron" in real_pictures(tmp_path, Path("objectron"))["people"]
 
 
+def test_an_interrupted_benchmark_drives_only_what_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, drawn, driven = tmp_path / "people.jsonl", cases(STEP_OUT, 1, 3), []
+
+    def counted(case: Case, *, sensor: str) -> dict[str, object]:
+        driven.append((case.aside_m, sensor))
+        return ended()
+
+    monkeypatch.setattr("sim_harness.bench.people.bench.drive", counted)
+    first = _driven(drawn[:2], TRUTH, path, jobs=1)
+    again = _driven(drawn, TRUTH, path, jobs=1)
+    assert driven == [(case.aside_m, TRUTH) for case in drawn]
+    assert [str(row) for row in again[:2]] == [str(row) for row in first]  # NaN is not equal to itself
+    _driven(drawn[:1], MODELLED, path, jobs=1)
+    assert driven[-1] == (drawn[0].aside_m, MODELLED), "a row belongs to its sensor"
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("sensor", [TRUTH, MODELLED])
 def test_the_car_stops_for_who_steps_out_and_goes_on(sensor: str) -> None:
     for case in cases(STEP_OUT, 5, 2):
         row = drive(case, sensor=sensor)
         assert row["stood"] and row["went_on"] and row["collisions"] == 0
+        assert row["passing_mps"] > 0, "the drive ended behind the road user"
+
+
+@pytest.mark.long
+def test_a_drive_that_is_ended_early_is_the_beginning_of_the_whole_one() -> None:
+    scenario = built(cases(STEP_OUT, 5, 1)[0], sight="truth", road_user_sensor="modelled", duration_s=4.0)
+    whole = run(scenario, seed=0).trace
+    part = run(scenario, seed=0, until=lambda now: now.now_s > 2.0).trace
+    count = len(part["t_s"])
+    assert part["t_s"][-1] == pytest.approx(2.0, abs=0.05) and count < len(whole["t_s"])
+    for column in ("x_m", "y_m", "fear", "speed_mps"):
+        assert np.array_equal(part[column], whole[column][:count], equal_nan=True), column
