@@ -21,7 +21,7 @@ from perception.estimators import (
 from perception.images.frames import CameraFor, FrameResult, Step, Unread, results
 from perception.images.outline import outlined
 from perception.images.sources import Footage, Source, Still
-from perception.lead.cli import Leads, lead_results
+from perception.lead.leads import Leads, lead_results
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, use_car
@@ -46,6 +46,7 @@ def estimate(
     as_drive: bool = False,
     fps: float = NOMINAL_FPS,
     strict: bool = True,
+    unread: Unread | None = None,
 ) -> Iterator[FrameResult[SteeringEstimate]]:
     """The estimate of the lane in every frame of ``inputs``, in order, as ``trepid estimate`` gives them.
 
@@ -58,10 +59,11 @@ def estimate(
     ``camera``: a camera file; without it that of ``car`` or of the recording, else a typical one with the horizon
     of the images.
     ``fps``: frames per second of a folder with ``as_drive``. Without ``strict``, unreadable images of a folder are
-    named on standard error and left out. Raises InputError at the first frame that is asked for.
+    named on standard error and left out; ``unread``, in its place, also counts them. Raises InputError at the first
+    frame that is asked for.
     """
-    unread, drive_fps = Unread(strict=strict), fps if as_drive else None
-    found = _begun(lambda: lane_results(as_paths(inputs), estimator, _path(camera), unread, drive_fps))
+    unread, drive_fps = unread or Unread(strict=strict), fps if as_drive else None
+    found = _begun(lambda: _lane_results(as_paths(inputs), estimator, _path(camera), unread, drive_fps))
     return in_car(car, found)
 
 
@@ -74,13 +76,14 @@ def find_leads(
     as_drive: bool = False,
     fps: float = NOMINAL_FPS,
     strict: bool = True,
+    unread: Unread | None = None,
 ) -> Iterator[FrameResult[Leads]]:
     """The vehicles in every frame of ``inputs``, as ``trepid estimate --estimator lead`` gives them.
 
     ``detector``: a name that ``trepid detector list`` prints, or a file; without it that of ``lead.yaml``. The
     other parameters and the results are those of :func:`estimate`; ``result`` has ``lead`` and ``detections``.
     """
-    unread, drive_fps = Unread(strict=strict), fps if as_drive else None
+    unread, drive_fps = unread or Unread(strict=strict), fps if as_drive else None
 
     def begin() -> Iterator[FrameResult[Leads]]:
         return lead_results(
@@ -90,10 +93,9 @@ def find_leads(
     return in_car(car, _begun(begin))
 
 
-def lane_results(
+def _lane_results(
     inputs: Iterable[Path], estimator: str, camera: Path | None, unread: Unread, drive_fps: float | None
 ) -> Iterator[FrameResult[SteeringEstimate]]:
-    """The estimate of every frame; see :func:`estimate`. Raises InputError."""
     check_estimator(estimator)
     camera_for, assumed = cameras(camera)
     step = partial(_step, entry_of(estimator), assumed)

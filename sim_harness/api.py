@@ -1,15 +1,10 @@
-"""Runs and sweeps from Python: ``trepid.run``, ``sweep`` and ``rate``."""
+"""Runs and sweeps from Python: ``trepid.run`` and ``trepid.sweep``."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from perception.api import Paths, as_paths, cameras, check_estimator, in_car
-from perception.estimators import ESTIMATORS
-from perception.images.frames import FrameResult, Unread
-from sim_harness.footage.fear_cli import fear_results, given_motion
-from sim_harness.footage.onlooker import Onlooked
 from sim_harness.lockstep.closed_loop import Result, check_configuration
 from sim_harness.lockstep.closed_loop import run as run_scenario
 from sim_harness.lockstep.recording import recording
@@ -24,7 +19,6 @@ from sim_harness.sweep.store import Row
 from sim_harness.sweep.sweep import sweep as outcomes_of
 from sim_harness.sweep.sweep import workforce
 from trepid.config import InputError, refuse, using_car
-from trepid.images.files import NOMINAL_FPS
 from trepid.recording.writer import check_recording
 
 
@@ -116,43 +110,6 @@ def sweep(
                 )
             page.write(Path(report))
         return [done[key].row for key in planned]
-
-
-def rate(
-    inputs: Paths,
-    estimators: Iterable[str] = (),
-    *,
-    speed_mps: float | None = None,
-    speeds: str | Path | None = None,
-    detector: str | Path | None = None,
-    camera: str | Path | None = None,
-    car: str | Path | None = None,
-    as_drive: bool = False,
-    fps: float = NOMINAL_FPS,
-    strict: bool = True,
-) -> Iterator[FrameResult[Onlooked]]:
-    """The fear of every frame of ``inputs``, as ``trepid estimate --fear`` gives it.
-
-    ``result`` of each frame has ``estimates`` (by name), ``lead`` (None: no detector ran) and ``decision``, a
-    :class:`trepid.messages.Decision` with fear, cause, mode and the rules that fired. ``estimators``: names or
-    files of driving networks, beside ``cv`` and ``cnn``. ``speed_mps`` or the log ``speeds`` (``t_s, speed_mps``
-    and, where known, ``yaw_rate_radps`` by row) gives the motion of the car; a recording has its own. The other
-    parameters are those of :func:`trepid.estimate`. Raises InputError at the first frame that is asked for.
-    """
-
-    def begin() -> Iterator[FrameResult[Onlooked]]:
-        names = tuple(dict.fromkeys((*ESTIMATORS, *estimators)))
-        for name in names:
-            check_estimator(name)
-        camera_for, assumed = cameras(None if camera is None else Path(camera))
-        motion = given_motion(speed_mps, None if speeds is None else Path(speeds))
-        finder = None if detector is None else Path(detector)
-        unread, drive_fps = Unread(strict=strict), fps if as_drive else None
-        yield from fear_results(
-            as_paths(inputs), camera_for, unread, assumed, motion, finder, names, drive_fps=drive_fps
-        )
-
-    return in_car(car, begin())
 
 
 def _changes(settings: Mapping[str, object] | None, estimators: Sequence[str]) -> dict[str, str]:

@@ -16,7 +16,7 @@ from learning.dataset.build import read_log
 from learning.dataset.sources.log import Faults
 from learning.dataset.sources.table import TableOptions
 from sim_harness.footage.clip import read_log as read_speeds
-from sim_harness.footage.fear_cli import given_motion
+from sim_harness.footage.frame_fear import given_motion
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.world.opendrive.export import write_opendrive
 from sim_harness.world.opendrive.reader import read_opendrive

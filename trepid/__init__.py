@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from cockpit.notebook.drives import OpenRecording, explain, open_recording
     from drive.api import drive
     from perception.api import estimate
-    from sim_harness.api import rate, run, sweep
+    from sim_harness.api import run, sweep
+    from sim_harness.footage.api import rate
     from trepid.config import InputError
 
 __version__ = "0.1.0"
@@ -42,7 +43,8 @@ _HOMES = {
     "cockpit.notebook.drives": ("OpenRecording", "explain", "open_recording"),
     "drive.api": ("drive",),
     "perception.api": ("estimate",),
-    "sim_harness.api": ("rate", "run", "sweep"),
+    "sim_harness.api": ("run", "sweep"),
+    "sim_harness.footage.api": ("rate",),
     "trepid.config": ("InputError",),
 }
 """Module -> the names that it defines, imported by name: the package is the lowest of all, and its import light."""

@@ -61,7 +61,7 @@ VERBS = {
     ),
     "sim": Verb("sim_harness.cli", help="Run scenarios in lock-step, faster than real time."),
     "estimate": Verb(
-        "perception.cli",
+        "sim_harness.footage.estimate_cli",
         "estimate",
         "Estimate the lane, or find the vehicle ahead, in images, folders of images, videos and recordings.",
     ),

@@ -3,7 +3,7 @@
 import json
 import sys
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Set
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +40,17 @@ class FrameResult(Generic[R]):
     result: R
     latency_ms: float
     fps: float = NOMINAL_FPS  # of its source
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet(Generic[R]):
+    """How results of one kind are shown."""
+
+    as_row: Callable[[FrameResult[R]], dict[str, Any]]  # the object of JSON
+    columns: Sequence[str]  # of the table
+    left: Set[str]  # columns aligned to the left
+    cells: Callable[[FrameResult[R]], list[str]]  # a row of the table
+    draw: Callable[[FrameResult[R]], Image]  # the annotated frame
 
 
 class Unread:
@@ -106,13 +117,30 @@ def written(
             yield one
 
 
+def show(
+    found: Iterator[FrameResult[R]],
+    sheet: Sheet[R],
+    inputs: Iterable[Path],
+    *,
+    annotate: Path | None,
+    as_json: bool,
+) -> None:
+    """Print what is ``found`` in ``inputs`` as it comes, and write annotated frames. Raises InputError."""
+    if annotate is not None:
+        found = written(found, inputs, annotate, sheet.draw)
+    if as_json:
+        print_json(map(sheet.as_row, found))
+    else:
+        print_table(sheet.columns, sheet.left, map(sheet.cells, found))
+
+
 def print_json(rows: Iterable[dict[str, Any]]) -> None:
     """One JSON object a line, printed at once."""
     for row in rows:
         print(json.dumps(row, allow_nan=False), flush=True)
 
 
-def print_table(columns: Iterable[str], left: set[str], rows: Iterable[list[str]]) -> None:
+def print_table(columns: Iterable[str], left: Set[str], rows: Iterable[list[str]]) -> None:
     """A table with the columns of ``left`` aligned to the left; the rows before an error are printed too."""
     table = Table(box=None, header_style="bold")
     for name in columns:

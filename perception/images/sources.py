@@ -25,6 +25,11 @@ FILM_SUFFIXES = VIDEO_SUFFIXES | {RECORDING_SUFFIX}
 RATED_IMAGES = 100  # of a recording, whose stamps give its frame rate
 
 
+def is_recording(path: Path) -> bool:
+    """True for the name of a recording."""
+    return path.suffix.lower() == RECORDING_SUFFIX
+
+
 class Shot(NamedTuple):
     """One image of a source."""
 
@@ -173,7 +178,7 @@ def sources(path: Path, *, drive_fps: float | None = None) -> list[Source]:
         return [Clip(path, video_rate_hz(path))]
     if suffix in IMAGE_SUFFIXES:
         return [Still(path)]
-    if suffix == RECORDING_SUFFIX:
+    if is_recording(path):
         return [_footage(path)]
     known = " ".join(sorted(IMAGE_SUFFIXES | FILM_SUFFIXES))
     raise InputError(f"{path}: unknown kind of file; known: {known}")

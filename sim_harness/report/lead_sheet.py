@@ -9,8 +9,8 @@ import typer
 
 from perception.images.annotate import label
 from perception.images.frames import FrameResult
-from perception.lead.cli import drawn, leads_in
 from perception.lead.finder import lead_finder, lead_settings
+from perception.lead.leads import drawn, leads_in
 from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body

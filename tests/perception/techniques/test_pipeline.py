@@ -6,13 +6,13 @@ import pytest
 from drawn_road_rig import CAMERA, VEHICLE, road
 from technique_rig import VIEW, straight_boundaries
 
-from perception.cli import estimate
 from perception.estimators import ESTIMATORS, build, entry_of, estimators
 from perception.techniques.confidence import clarity
 from perception.techniques.image.picture import Boundaries, Evidence, Features, Kind
 from perception.techniques.pipeline import Pipeline
 from perception.techniques.recipe import recipes, settings_of
 from perception.techniques.stages import KINDS
+from sim_harness.footage.estimate_cli import estimate
 from trepid.config import ROOT, InputError
 from trepid.messages import EstimateKind, Frame, VehicleState
 

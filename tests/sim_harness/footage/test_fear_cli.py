@@ -12,10 +12,10 @@ import pytest
 from recorded_rig import recorded
 
 from perception.camera.odometry import Odometry
-from perception.cli import estimate
 from sim_harness.bench.perception.unknown_camera import unknown_drive
-from sim_harness.footage.fear_cli import given_motion
+from sim_harness.footage.estimate_cli import estimate
 from sim_harness.footage.fear_picture import with_lanes
+from sim_harness.footage.frame_fear import given_motion
 from sim_harness.footage.onlooker import Given, Onlooker
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer

@@ -1,4 +1,4 @@
-"""``trepid estimate --estimator lead``: the vehicles and people in images, folders and videos."""
+"""The vehicles and people in images, folders and videos, and their rows."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -12,12 +12,10 @@ from perception.images.annotate import HIGH, PANEL, enlarged, label
 from perception.images.frames import (
     CameraFor,
     FrameResult,
+    Sheet,
     Step,
     Unread,
-    print_json,
-    print_table,
     results,
-    written,
 )
 from perception.images.sources import Source
 from perception.lead.detection import Detection
@@ -43,26 +41,6 @@ class Leads(NamedTuple):
 
     lead: LeadVehicle
     detections: list[Detection]
-
-
-def estimate_leads(
-    inputs: list[Path],
-    camera_for: CameraFor,
-    unread: Unread,
-    *,
-    drive_fps: float | None,
-    detector: Path | None,
-    annotate: Path | None,
-    as_json: bool,
-) -> None:
-    """Find vehicles in every frame of every input. Raises InputError at the first input that cannot be read."""
-    found = lead_results(inputs, camera_for, unread, detector, drive_fps=drive_fps)
-    if annotate is not None:
-        found = written(found, inputs, annotate, drawn)
-    if as_json:
-        print_json(map(as_row, found))
-    else:
-        print_table(COLUMNS, {"file"}, map(_cells, found))
 
 
 def lead_results(
@@ -162,3 +140,6 @@ def _cells(one: FrameResult[Leads]) -> list[str]:
         str(sum(d.confidence >= LEAD_STILL_CONFIDENCE and d.kind != VEHICLE for d in detections)),
         f"{one.latency_ms:z.1f}",
     ]
+
+
+LEADS = Sheet(as_row=as_row, columns=COLUMNS, left={"file"}, cells=_cells, draw=drawn)

@@ -1,4 +1,4 @@
-"""``trepid estimate --fear``: what estimators and supervisor make of every frame of footage."""
+"""What estimators and supervisor make of every frame of footage, and their rows."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -10,20 +10,18 @@ from typing import Any
 import numpy as np
 
 from perception.api import brings_camera
-from perception.cli import estimate_fields
 from perception.estimators import name_of
 from perception.images.annotate import number
 from perception.images.frames import (
     CameraFor,
     FrameResult,
+    Sheet,
     Step,
     Unread,
-    print_json,
-    print_table,
     results,
-    written,
 )
-from perception.images.sources import RECORDING_SUFFIX, Footage, Source
+from perception.images.lane_rows import estimate_fields
+from perception.images.sources import Footage, Source
 from perception.lead.finder import LeadFinder, lead_finder, lead_settings
 from sim_harness.footage.clip import read_log
 from sim_harness.footage.fear_picture import drawn
@@ -51,10 +49,6 @@ COLUMNS = (
     "mode",
     "path",
 )  # then estimators, the leader and the sight
-NO_DETECTOR = (
-    "vehicles ahead are left out: the embedded detector is trained on drawn vehicles; `trepid detector list` prints"
-    " others for --detector or config/lead.yaml"
-)
 YAW = "yaw_rate_radps"
 SILENT_ROWS = 2.5  # a longer time without a row, in usual times between rows, is a silence of the log
 
@@ -110,39 +104,6 @@ def _yaw_rates(log: Path, count: int) -> list[float] | None:
     return found
 
 
-def estimate_with_fear(
-    inputs: list[Path],
-    camera_for: CameraFor,
-    unread: Unread,
-    assumed: bool,
-    speed_mps: float | None,
-    log: Path | None,
-    detector: Path | None,
-    names: Sequence[str],
-    *,
-    drive_fps: float | None,
-    annotate: Path | None,
-    as_json: bool,
-) -> None:
-    """Print the fear of every frame of every input. Raises InputError at the first input that cannot be read.
-
-    ``names``: estimators, or files of driving networks. ``assumed``: no camera is given, and those of images and
-    videos are self-calibrated. Without a speed that of ``config/supervisor.yaml`` is assumed and reported. A
-    recording brings its own camera and states.
-    """
-    if lead_settings(detector).detector is None and not all(map(_is_recording, inputs)):
-        note(NO_DETECTOR)
-    motion = given_motion(speed_mps, log)
-    found = fear_results(inputs, camera_for, unread, assumed, motion, detector, names, drive_fps=drive_fps)
-    if annotate is not None:
-        found = written(found, inputs, annotate, drawn)
-    if as_json:
-        print_json(map(as_row, found))
-    else:
-        columns = (*COLUMNS, *map(name_of, names), "lead m", "sight m", "by")
-        print_table(columns, {"file", "level", "cause", "mode", "path", "by"}, map(_cells, found))
-
-
 def fear_results(
     inputs: Iterable[Path],
     camera_for: CameraFor,
@@ -154,13 +115,14 @@ def fear_results(
     *,
     drive_fps: float | None = None,
 ) -> Iterator[FrameResult[Onlooked]]:
-    """What estimators, lead detector and supervisor make of every frame. Raises InputError."""
+    """What estimators, lead detector and supervisor make of every frame. Raises InputError.
+
+    ``names``: estimators, or files of driving networks. ``assumed``: no camera is given, and those of images and
+    videos are self-calibrated. Without a ``motion`` the speed of ``config/supervisor.yaml`` is assumed and
+    reported. A recording brings its own camera and states.
+    """
     step = partial(_step, motion, detector, assumed, names)
     return results(inputs, camera_for, step, unread, drive_fps=drive_fps)
-
-
-def _is_recording(path: Path) -> bool:
-    return path.suffix.lower() == RECORDING_SUFFIX
 
 
 def _step(
@@ -254,3 +216,14 @@ def _cells(one: FrameResult[Onlooked]) -> list[str]:
         number(seen.statistics.sight_m, "{:.0f}"),
         seen.statistics.sight_cause,
     ]
+
+
+def fears(names: Iterable[str]) -> Sheet[Onlooked]:
+    """The sheet of what estimators called ``names`` and the supervisor make of frames. Raises InputError."""
+    return Sheet(
+        as_row=as_row,
+        columns=(*COLUMNS, *map(name_of, names), "lead m", "sight m", "by"),
+        left={"file", "level", "cause", "mode", "path", "by"},
+        cells=_cells,
+        draw=drawn,
+    )

@@ -1,19 +1,20 @@
 """``trepid estimate``: run an estimator on images, folders and videos."""
 
 import json
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from perception.api import ASSUMED, cameras, check_estimator, lane_results
-from perception.estimators import ESTIMATORS, estimators
-from perception.images.annotate import annotated, as_path, number
-from perception.images.frames import FrameResult, Unread, print_json, print_table, written
-from perception.images.sources import RECORDING_SUFFIX
-from perception.lead.cli import estimate_leads
+from perception.api import ASSUMED, cameras, check_estimator, find_leads
+from perception.api import estimate as estimates_of
+from perception.estimators import estimators
+from perception.images.frames import FrameResult, Unread, show
+from perception.images.lane_rows import LANES
+from perception.images.sources import is_recording
+from perception.lead.finder import lead_settings
+from perception.lead.leads import LEADS
 from trepid.commands.car_option import Car
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
@@ -21,19 +22,10 @@ from trepid.messages import SteeringEstimate
 from trepid.speech.loudness import note
 
 LEAD = "lead"
-COLUMNS = [
-    "file",
-    "frame",
-    "offset m",
-    "heading °",
-    "curv. 1/m",
-    "wheel °",
-    "width m",
-    "lines",
-    "conf.",
-    "ms",
-    "reason",
-]
+NO_DETECTOR = (
+    "vehicles ahead are left out: the embedded detector is trained on drawn vehicles; `trepid detector list` prints"
+    " others for --detector or config/lead.yaml"
+)
 
 
 def estimate(
@@ -103,39 +95,32 @@ def estimate(
     _check_options(estimator, fear=fear, detector=detector, speeds=(speed, speeds), drive=drive, fps=fps)
     if not inputs:
         raise InputError("name at least one image, folder or video")
-    camera_for, assumed = cameras(camera)
-    unread, drive_fps = Unread(strict=strict), (fps or NOMINAL_FPS) if drive else None
-    guessed = assumed and not all(path.suffix.lower() == RECORDING_SUFFIX for path in inputs)
+    _, assumed = cameras(camera)
+    guessed = assumed and not all(map(is_recording, inputs))
     if guessed and (fear or estimator == LEAD):
         note(ASSUMED)
+    unread = Unread(strict=strict)
+    given: dict[str, Any] = {
+        "camera": camera,
+        "as_drive": drive,
+        "fps": fps or NOMINAL_FPS,
+        "unread": unread,
+    }
     if fear:
-        from sim_harness.footage.fear_cli import estimate_with_fear
+        from sim_harness.footage.api import rate, rated  # a tenth of a second, for this option only
+        from sim_harness.footage.frame_fear import fears
 
-        given = (assumed, speed, speeds, detector)
-        names = tuple(dict.fromkeys((*ESTIMATORS, *({estimator} - {LEAD}))))
-        estimate_with_fear(
-            inputs, camera_for, unread, *given, names, drive_fps=drive_fps, annotate=annotate, as_json=as_json
-        )
+        if lead_settings(detector).detector is None and not all(map(is_recording, inputs)):
+            note(NO_DETECTOR)
+        names = rated({estimator} - {LEAD})
+        found = rate(inputs, names, speed_mps=speed, speeds=speeds, detector=detector, **given)
+        show(found, fears(names), inputs, annotate=annotate, as_json=as_json)
     elif estimator == LEAD:
-        estimate_leads(
-            inputs,
-            camera_for,
-            unread,
-            drive_fps=drive_fps,
-            detector=detector,
-            annotate=annotate,
-            as_json=as_json,
-        )
+        show(find_leads(inputs, detector, **given), LEADS, inputs, annotate=annotate, as_json=as_json)
     else:
-        found = lane_results(inputs, estimator, camera, unread, drive_fps)
-        if guessed:
-            found = _with_note(found, ASSUMED)
-        if annotate is not None:
-            found = written(found, inputs, annotate, lambda one: annotated(one.image, one.result))
-        if as_json:
-            print_json(map(as_row, found))
-        else:
-            print_table(COLUMNS, {"file", "reason"}, map(_cells, found))
+        lanes = estimates_of(inputs, estimator, **given)
+        shown = _with_note(lanes, ASSUMED) if guessed else lanes
+        show(shown, LANES, inputs, annotate=annotate, as_json=as_json)
     return 1 if unread.count else 0
 
 
@@ -182,44 +167,3 @@ def _with_note(
         if index == 0:
             note(text)
         yield one
-
-
-def as_row(one: FrameResult[SteeringEstimate]) -> dict[str, Any]:
-    """The JSON object of one frame."""
-    return {"file": str(one.path), "frame": one.number, **estimate_fields(one.result, one.latency_ms)}
-
-
-def estimate_fields(result: SteeringEstimate, latency_ms: float | None) -> dict[str, Any]:
-    """The fields of an estimate in JSON; None where it has none."""
-    return {
-        "estimator": result.estimator,
-        "lateral_offset_m": result.lateral_offset_m,
-        "heading_error_rad": result.heading_error_rad,
-        "curvature_1pm": result.curvature_1pm,
-        "road_wheel_angle_rad": result.road_wheel_angle_rad,
-        "confidence": result.confidence,
-        "lanes_detected": result.lanes_detected,
-        "lane_width_m": result.lane_width_m,
-        "latency_ms": latency_ms,
-        "reason": result.reason,
-        "left_boundary_px": as_path(result.left_boundary_px) or None,
-        "right_boundary_px": as_path(result.right_boundary_px) or None,
-    }
-
-
-def _cells(one: FrameResult[SteeringEstimate]) -> list[str]:
-    result = one.result
-    heading, wheel = result.heading_error_rad, result.road_wheel_angle_rad
-    return [
-        one.path.name,
-        str(one.number),
-        number(result.lateral_offset_m, "{:+z.2f}"),
-        number(None if heading is None else math.degrees(heading), "{:+z.2f}"),
-        number(result.curvature_1pm, "{:+z.4f}"),
-        number(None if wheel is None else math.degrees(wheel), "{:+z.2f}"),
-        number(result.lane_width_m, "{:z.2f}"),
-        str(result.lanes_detected),
-        f"{result.confidence:z.2f}",
-        number(one.latency_ms, "{:z.1f}"),
-        result.reason,
-    ]
