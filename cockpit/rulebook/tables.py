@@ -69,6 +69,7 @@ WHY = {
     "lateral_error": "less margin to the lane edge",
     "crossing": "time to line crossing at the present heading",
     "state_doubt": "odometry and prediction go on by the other quantities, and nothing is left to check those",
+    "turn_excess": "a gyroscope with an offset, or a skid: the limiter allows less, and the car leaves its path",
     "saturated": "the limiter cuts the steering demand, so the vehicle leaves the path",
     "lead_confidence": "no vehicle to follow when the road is lost",
     "time_gap": "the vehicle ahead may brake harder than the reaction time allows",

@@ -195,13 +195,18 @@ def motion_of(
     if speed_mps is None:
         return None
     if vehicle is not None and state.yaw_rate_radps is None and wheel_rad is not None:
-        gradient = vehicle.understeer_gradient_rad_per_mps2
-        length_m = at_least(vehicle.wheelbase_m + gradient * speed_mps**2, SHORTEST * vehicle.wheelbase_m)
-        yaw_rate_radps = speed_mps * math.tan(wheel_rad) / length_m
+        yaw_rate_radps = steady_yaw_rate_radps(vehicle, wheel_rad, speed_mps)
     unsteered = wheel_rad is None and not (vehicle is not None and state.road_wheel_angle_rad is None)
     if yaw_rate_radps is None or unsteered:
         return None
     return Motion(speed_mps, yaw_rate_radps)
+
+
+def steady_yaw_rate_radps(vehicle: Vehicle, wheel_rad: float, speed_mps: float) -> float:
+    """The yaw rate of the steady bicycle, v·tan δ/(L + K_us·v²)."""
+    gradient = vehicle.understeer_gradient_rad_per_mps2
+    length_m = at_least(vehicle.wheelbase_m + gradient * speed_mps**2, SHORTEST * vehicle.wheelbase_m)
+    return speed_mps * math.tan(wheel_rad) / length_m
 
 
 def is_frozen(

@@ -38,7 +38,7 @@ IMAGE_FEATURES = {
 _STATISTICS, _LOST_STATISTICS = attrgetter(*IMAGE_FEATURES.values()), (None,) * len(IMAGE_FEATURES)
 EARLY_FEATURES = frozenset(
     {
-        *("frame_age", "estimator_age", "state_age", "state_doubt", "speed", "saturated"),
+        *("frame_age", "estimator_age", "state_age", "state_doubt", "speed", "saturated", "turn_excess"),
         *IMAGE_FEATURES,
         *("lane_width", "lane_width_error", "unmarked", "edge_doubt"),
         *("lead_confidence", "lead_distance", "time_gap"),
@@ -81,6 +81,7 @@ def early_features(
     steadiness: Mapping[str, Steadiness],
     edge_doubt: float,
     saturated_s: float,
+    turn_excess_mps2: float,
     rated_as: Mapping[str, str],
     absent: Mapping[str, float | None],
 ) -> Features:
@@ -105,6 +106,7 @@ def early_features(
     found[DOUBT] = state_doubt
     found["speed"] = speed_mps
     found["saturated"] = saturated_s
+    found["turn_excess"] = turn_excess_mps2
     found["lane_width"] = _narrowest_m(estimates)
     found["lane_width_error"] = _lane_width_error(estimates)
     found["unmarked"] = _unmarked(estimates)

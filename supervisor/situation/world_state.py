@@ -6,6 +6,7 @@ from typing import NamedTuple
 from supervisor.inputs.consistency import Consistency, WeakEdges
 from supervisor.inputs.road_users import Watched, judge_road_users
 from supervisor.inputs.timers import Stopwatch
+from supervisor.inputs.turning import TurnExcess
 from supervisor.inputs.validation import (
     ValidatedEstimate,
     ValidationSettings,
@@ -91,6 +92,7 @@ class WorldStateObserver:
         )
         self._consistency, self._weak_edges = Consistency(), WeakEdges()
         self._saturated, self._single = Stopwatch(), Stopwatch()
+        self._turn_excess = TurnExcess(vehicle)
         self._last_motion: Motion | None = None
 
     def step(
@@ -137,6 +139,7 @@ class WorldStateObserver:
             steadiness=self._consistency.step(seen, moving),
             edge_doubt=self._weak_edges.step(seen, moving, now_s=now_s),
             saturated_s=self._saturated.step(state is not None and state.saturated is True, now_s=now_s),
+            turn_excess_mps2=self._turn_excess.step(newest, motion, now_s=now_s) / self._enlargement,
             rated_as=rated,
             absent=absent_values(rules, len(seen)),
         )
