@@ -141,5 +141,5 @@ def test_a_drive_that_is_ended_early_is_the_beginning_of_the_whole_one() -> None
     part = run(scenario, seed=0, until=lambda now: now.now_s > 2.0).trace
     count = len(part["t_s"])
     assert part["t_s"][-1] == pytest.approx(2.0, abs=0.05) and count < len(whole["t_s"])
-    for column in ("x_m", "y_m", "fear", "speed_mps"):
+    for column in ("x_m", "y_m", "decision.fear", "speed_mps"):
         assert np.array_equal(part[column], whole[column][:count], equal_nan=True), column
