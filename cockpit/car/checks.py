@@ -165,16 +165,14 @@ def _loaded_models() -> Iterator[str]:
 
 def people() -> Finding:
     """Whether the car sees people, cyclists and animals. A car that does not may drive where there are none."""
-    from perception.lead.finder import REMEDY, blindness
+    from perception.lead.finder import blindness
     from trepid.processes.settings import load_processes
 
     try:
-        blind, _, _ = blindness(load_processes()).partition(":")
+        blind, _, remedy = blindness(load_processes()).partition(": ")
     except InputError as error:
-        return Finding("people", False, str(error), "correct the fields at these places")
-    return Finding(
-        "people", True, blind or "people, cyclists and animals are detected", REMEDY if blind else ""
-    )
+        return Finding("people", False, str(error), "correct `detector` in lead.yaml, or get its file")
+    return Finding("people", True, blind or "people, cyclists and animals are detected", remedy)
 
 
 def endpoint() -> Finding:

@@ -13,6 +13,7 @@ from perception.lead.boxes import BoxDetector, BoxSettings
 from perception.lead.detection import Detection, Detector, NotFinite, StripDetector
 from perception.lead.kinds import PERSON, ROAD_USER_KINDS, VEHICLE, detected_kinds
 from perception.lead.published import PUBLISHED, fetched
+from perception.lead.runtimes import check_present
 from perception.lead.tracker import Track, Tracker, TrackSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -25,7 +26,8 @@ from trepid.topics import CAMERA_IMAGE, ROAD_USERS
 from trepid.types import OpenShare, Positive
 
 NODE = "perception.lead.node"  # the module of the process
-REMEDY = "`trepid detector fetch objectron`, then `detector: objectron` in lead.yaml"
+_NO_PROCESS = "delete `lead: null` from processes.yaml"
+_NO_DETECTOR = "`trepid detector fetch objectron`, then `detector: objectron` in lead.yaml"
 MAX_STEP_S = 0.5  # a longer gap between two frames drops all tracks
 SLOW_MPS = 1.0  # below, the wheel angle gives the arc more exactly than the yaw rate
 
@@ -87,21 +89,35 @@ def check_lead(specs: Iterable[ProcessSpec]) -> None:
 
 
 def blindness(specs: Iterable[ProcessSpec]) -> str:
-    """One line about the people, cyclists and animals to whom a car with these processes is blind; "" for none."""
+    """One line about the people, cyclists and animals to whom a car with these processes is blind; "" for none.
+
+    After the colon it names what would end that. Raises InputError where a process needs a detector that is not on
+    this machine.
+    """
     publishing = [spec for spec in specs if ROAD_USERS.key in spec.publishes]
     if any(spec.module != NODE for spec in publishing):
         return ""
-    detects = detected_by(lead_settings()) if publishing else ()
+    try:
+        able = detected_by(lead_settings())
+    except InputError:
+        if publishing:
+            raise
+        able = ()  # no process needs it; the remedy names how to get one
+    detects = able if publishing else ()
     unseen = [f"{kind}s" if kind != PERSON else "people" for kind in ROAD_USER_KINDS if kind not in detects]
-    return f"the car is blind to {', '.join(unseen)}: {REMEDY}" if unseen else ""
+    missing = (_NO_PROCESS, not publishing), (_NO_DETECTOR, not set(ROAD_USER_KINDS) <= set(able))
+    remedy = ", ".join(step for step, applies in missing if applies)
+    return f"the car is blind to {', '.join(unseen)}: {remedy}" if unseen else ""
 
 
 def detected_by(settings: LeadSettings) -> tuple[str, ...]:
-    """The kinds of road users besides vehicles that the detector in ``settings`` finds."""
+    """The kinds of road users besides vehicles that the detector in ``settings`` finds.
+
+    Raises InputError for one that is not on this machine.
+    """
     if settings.detector is None:
         return StripDetector.detects
-    published = PUBLISHED.get(str(settings.detector))
-    return detected_kinds((published.layout if published else settings.boxes).kinds)
+    return detected_kinds(_boxes(settings.detector, settings)[1].kinds)
 
 
 class LeadFinder:
@@ -315,9 +331,17 @@ def box_detector(settings: LeadSettings, camera: Camera) -> BoxDetector:
     """The detector of boxes that ``settings`` name. Raises InputError."""
     if settings.detector is None:
         raise InputError("the embedded detector finds no boxes; name another one in lead.yaml")
-    if published := PUBLISHED.get(str(settings.detector)):
-        return BoxDetector(fetched(str(settings.detector)), published.layout, camera)
-    return BoxDetector(resource(settings.detector), settings.boxes, camera)
+    path, layout = _boxes(settings.detector, settings)
+    return BoxDetector(path, layout, camera)
+
+
+def _boxes(detector: Path, settings: LeadSettings) -> tuple[Path, BoxSettings]:
+    """The file of a detector of boxes, and how its output is read. Raises InputError without such a file."""
+    if published := PUBLISHED.get(str(detector)):
+        return fetched(str(detector)), published.layout
+    path = resource(detector)
+    check_present(path)
+    return path, settings.boxes
 
 
 def lead_finder(settings: LeadSettings, camera: Camera, vehicle: Vehicle) -> LeadFinder:

@@ -49,10 +49,15 @@ class Network(NamedTuple):
     names: tuple[str, ...] | None  # of its classes, where the file has them
 
 
-def open_network(path: Path) -> Network:
-    """The network in ``path``. Raises InputError for a file that is missing, no network, or takes no picture."""
+def check_present(path: Path) -> None:
+    """Raise InputError where the file of a detector is missing."""
     if not path.is_file():
         raise InputError(f"{path}: no such detector")
+
+
+def open_network(path: Path) -> Network:
+    """The network in ``path``. Raises InputError for a file that is missing, no network, or takes no picture."""
+    check_present(path)
     readers = {".onnx": _onnx, ".tflite": _tflite}
     if path.suffix not in readers:
         raise InputError(f"{path}: not a detector; known: {' '.join(readers)}")

@@ -220,16 +220,38 @@ def car(tmp_path: Path) -> Iterator[Path]:
 LEAD = ProcessSpec("lead", NODE, publishes=(LEAD_VEHICLE.key, ROAD_USERS.key))
 
 
-def test_a_car_names_the_people_to_whom_it_is_blind_and_the_remedy(car: Path) -> None:
-    words = "the car is blind to people, cyclists, animals: `trepid detector fetch objectron`, then"
-    assert blindness([LEAD]).startswith(words), "the embedded detector knows drawn vehicles only"
-    assert blindness([]).startswith(words), "no process looks for people"
+BLIND = "the car is blind to people, cyclists, animals: "
+FETCH = "`trepid detector fetch objectron`, then `detector: objectron` in lead.yaml"
+RUN = "delete `lead: null` from processes.yaml"
+
+
+def test_a_car_names_the_people_to_whom_it_is_blind_and_the_remedy(
+    car: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert blindness([LEAD]) == BLIND + FETCH, "the embedded detector knows drawn vehicles only"
+    assert blindness([]) == f"{BLIND}{RUN}, {FETCH}", "no process looks for people, and no detector is named"
     (car / "lead.yaml").write_text("detector: objectron\n", encoding="utf-8")
+    monkeypatch.setattr("perception.lead.finder.fetched", Path)
     assert blindness([LEAD]) == ""
+    assert blindness([]) == BLIND + RUN, "a process is all that is missing"
+    (car / "d.onnx").write_bytes(b"")
     (car / "lead.yaml").write_text(
         "detector: d.onnx\nboxes: {classes: {vehicle: [1], person: [0]}}\n", encoding="utf-8"
     )
-    assert blindness([LEAD]).startswith("the car is blind to cyclists, animals:")
+    assert blindness([LEAD]) == f"the car is blind to cyclists, animals: {FETCH}"
+
+
+@pytest.mark.parametrize("detector", ["objectron", "missing.onnx"])
+def test_a_detector_that_is_not_on_this_machine_finds_nobody(
+    car: Path, detector: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(car))
+    (car / "lead.yaml").write_text(
+        f"detector: {detector}\nboxes: {{classes: {{vehicle: [1], person: [0]}}}}\n", encoding="utf-8"
+    )
+    with pytest.raises(InputError, match=r"not on this machine|no such detector"):
+        blindness([LEAD])
+    assert blindness([]) == f"{BLIND}{RUN}, {FETCH}", "no process needs it"
 
 
 def test_the_detector_of_another_program_is_not_judged() -> None:
