@@ -1,8 +1,9 @@
 """Runs and sweeps from Python: ``trepid.run`` and ``trepid.sweep``."""
 
 import json
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, nullcontext
+from functools import partial
 from pathlib import Path
 
 from sim_harness.lockstep.closed_loop import Result, check_configuration
@@ -13,11 +14,12 @@ from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.sampling import Method
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.outcome import Outcome
 from sim_harness.sweep.plan import Plan, Selection, by_sampling, by_seeds, plan, select
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.store import Row
+from sim_harness.sweep.sweep import InPlanOrder, RunFiles, Watch, Workforce, saving, workforce
 from sim_harness.sweep.sweep import sweep as outcomes_of
-from sim_harness.sweep.sweep import workforce
 from trepid.config import InputError, refuse, using_car
 from trepid.recording.writer import check_recording
 
@@ -58,7 +60,7 @@ def run(
 
 
 def sweep(
-    scenarios: str | Path | Sequence[str | Path] = (),
+    scenarios: str | Path | Sequence[str | Path] | Selection = (),
     *,
     tags: Sequence[str] = (),
     seeds: int | Sequence[int] = 1,
@@ -72,15 +74,20 @@ def sweep(
     out: str | Path | None = None,
     resume: bool = False,
     report: str | Path | None = None,
+    files: RunFiles | None = None,
     car: str | Path | None = None,
+    watch: Watch | None = None,
 ) -> list[Row]:
     """Run many cases, as ``trepid sim run S… --jobs N`` does; their rows in the order of the cases.
 
-    ``scenarios``: names, files, or ``"all"``, with one of ``tags`` where tags are given. ``seeds``: the seeds of
-    each, or their number from ``seed`` on. ``sample``: ``"grid"``, ``"random"`` or ``"lhs"`` draws ``cases`` cases
-    from the ranges under ``vary`` instead. ``jobs`` processes, or the Dask ``cluster`` at this address, run them.
+    ``scenarios``: names, files, or ``"all"``, with one of ``tags`` where tags are given; or what
+    :func:`sim_harness.sweep.plan.select` chose of them, without tags, settings and estimators.
+    ``seeds``: the seeds of each, or their number from ``seed`` on. ``sample``: ``"grid"``, ``"random"`` or
+    ``"lhs"`` draws ``cases`` cases from the ranges under ``vary`` instead. ``jobs`` processes, or the Dask
+    ``cluster`` at this address, run them.
     ``out`` (folder, .jsonl or .parquet) stores each row as it is finished; with ``resume`` only the cases run that
-    it does not hold. ``report``: the page (.html) to write. ``settings`` and ``estimators``: as of :func:`run`.
+    it does not hold. ``report``: the page (.html) to write; ``files``: those of a single run. ``settings`` and
+    ``estimators``: as of :func:`run`. ``watch`` gets each row as it is finished.
 
     A row is the dictionary that ``trepid sim run --json`` prints; ``pandas.DataFrame(rows)`` is a table of them.
     A case that crashes is a row with status ``failed``. Raises InputError for wrong input or configuration.
@@ -88,28 +95,68 @@ def sweep(
     refuse("resume needs out", resume and out is None)
     refuse("cluster has its own processes: jobs cannot be given too", cluster is not None and jobs > 1)
     refuse(f"jobs {jobs}: at least 1 expected", jobs < 1)
-    if report is not None and not Path(report).parent.is_dir():
-        raise InputError(f"{report}: there is no folder {Path(report).parent}")
+    files, watch, page_at = files or RunFiles(), watch or Watch(), None if report is None else Path(report)
     with using_car(None if car is None else Path(car)):
-        sources = [scenarios] if isinstance(scenarios, str | Path) else scenarios
-        selection = select([str(one) for one in sources], tags, _changes(settings, estimators))
+        selection = _selection(scenarios, tags, _changes(settings, estimators))
         planned = _planned(selection, seeds, sample, cases, seed)
         check_configuration(case.scenario for case in planned.values())
-        work = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=report is not None)
+        _check_files(planned, page_at, files.paths)
+        work: Workforce = partial(saving, files=files, detailed=page_at is not None)
+        if not files.paths:
+            work = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=page_at is not None)
         store = PlanStore(Path(out), planned, code=fingerprint(), resume=resume) if out else nullcontext()
         with store as kept:
-            done = dict(outcomes_of(planned, work, kept))
-        if report is not None:
-            page = Page("trepid.sweep")
-            for key, case in planned.items():
-                page.add(
-                    done[key].row,
-                    tags=case.scenario.tags,
-                    command=selection.command(case),
-                    detail=done[key].detail,
-                )
-            page.write(Path(report))
-        return [done[key].row for key in planned]
+            watch.begin(planned, kept)
+            found = outcomes_of(planned, work, kept)
+            if page_at is not None:
+                found = _paged(found, selection, planned, Page(watch.title), page_at)
+            rows = {}
+            with closing(found):  # type: ignore[type-var]
+                for key, outcome in found:
+                    rows[key] = outcome.row
+                    watch.add(key, outcome)
+        return [rows[key] for key in planned]
+
+
+def _selection(
+    scenarios: str | Path | Sequence[str | Path] | Selection, tags: Sequence[str], changes: Mapping[str, str]
+) -> Selection:
+    if isinstance(scenarios, Selection):
+        refuse("tags, settings and estimators are not for a Selection", bool(tags or changes))
+        return scenarios
+    sources = [scenarios] if isinstance(scenarios, str | Path) else scenarios
+    return select([str(one) for one in sources], tags, changes)
+
+
+def _check_files(planned: Plan, report: Path | None, single: Sequence[Path]) -> None:
+    """Raise InputError when a file of one run is given for more, or when the folder of a file does not exist."""
+    for file in single:
+        if len(planned) > 1:
+            raise InputError(f"{file}: can hold one run, not {len(planned)}")
+    for file in (*([report] if report else []), *single):
+        if not file.parent.is_dir():
+            raise InputError(f"{file}: there is no folder {file.parent}")
+
+
+def _paged(
+    found: Iterator[tuple[str, Outcome]], selection: Selection, planned: Plan, page: Page, path: Path
+) -> Iterator[tuple[str, Outcome]]:
+    """``found``, and at its end, also by an error, the ``page`` of what is finished, in the order of the plan."""
+    ordered = InPlanOrder(planned)
+
+    def add(outcomes: Iterable[tuple[str, Outcome]]) -> None:
+        for key, outcome in outcomes:
+            case = planned[key]
+            command, tags = selection.command(case), case.scenario.tags
+            page.add(outcome.row, tags=tags, command=command, detail=outcome.detail)
+
+    try:
+        for key, outcome in found:
+            add(ordered.add(key, outcome))
+            yield key, outcome
+    finally:
+        add(ordered.rest())
+        page.write(path)
 
 
 def _changes(settings: Mapping[str, object] | None, estimators: Sequence[str]) -> dict[str, str]:

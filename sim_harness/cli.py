@@ -3,8 +3,6 @@
 import json
 import sys
 import textwrap
-from contextlib import nullcontext
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -12,25 +10,24 @@ import typer
 from rich.console import Console
 
 import sim_harness.report.road_cli
+from sim_harness.api import sweep
 from sim_harness.footage.cli import resimulate_verb
 from sim_harness.lockstep.closed_loop import check_configuration, run
 from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.report.lead_sheet import leads_verb
-from sim_harness.report.page import Page
 from sim_harness.scenarios.boundary import TOLERANCE, Limit, limits
 from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.sampling import Case, Method, fresh_seed
 from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenario, scenario_schema
-from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.plan import Plan, Selection, by_sampling, by_seeds, no_tagged, plan, select, tagged
-from sim_harness.sweep.plan_store import PlanStore
-from sim_harness.sweep.show import Report, show
-from sim_harness.sweep.sweep import Workforce, saving, workforce
+from sim_harness.sweep.outcome import ClusterLost
+from sim_harness.sweep.plan import no_tagged, select, tagged
+from sim_harness.sweep.show import Display
+from sim_harness.sweep.sweep import RunFiles
 from trepid.commands.car_option import Car
 from trepid.commands.changes_option import Changes
 from trepid.commands.estimator_option import Chosen
 from trepid.commands.record_option import RawImages
-from trepid.config import InputError, parse_overrides, refuse
+from trepid.config import INTERRUPTED, InputError, parse_overrides, refuse
 from trepid.speech.loudness import note
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -149,31 +146,35 @@ def run_verb(
     refuse("--cluster has its own processes: --jobs cannot be given too", cluster is not None and jobs > 1)
     overrides = {**parse_overrides(settings or []), **changes_of(chosen)}
     selection = select(sources or [], tags or [], overrides)
-    planned = planned_cases(selection, seed, seeds, sample, cases)
-    check_outputs(planned, report, trace, picture, record)
-    work: Workforce = partial(
-        saving, trace=trace, picture=picture, record=record, raw_images=raw_images, detailed=bool(report)
-    )
-    if not (trace or picture or record):
-        work = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=bool(report))
-    page = Report(path=report, page=Page("trepid sim run"), command=selection.command) if report else None
-    with PlanStore(out, planned, code=fingerprint(), resume=resume) if out else nullcontext() as store:
-        return show(planned, work, store=store, report=page, as_json=as_json)
-
-
-def planned_cases(
-    selection: Selection, seed: str, seeds: int, sample: Method | None, cases: int | None
-) -> Plan:
-    """The scenarios with each of ``seeds`` seeds, or with ``sample`` cases of them; checked."""
     refuse("--cases needs --sample", cases is not None and sample is None)
     refuse("--sample draws the seeds itself: --seeds cannot be given too", sample is not None and seeds > 1)
-    first = first_seed(seed)
-    if sample is None:
-        planned = plan(by_seeds(selection.scenarios, range(first, first + seeds)))
-    else:
-        planned = plan(by_sampling(selection.scenarios, sample, cases, seed=first))
-    check_configuration(case.scenario for case in planned.values())
-    return planned
+    display = Display(as_json=as_json)
+    try:
+        sweep(
+            selection,
+            seeds=seeds,
+            sample=sample,
+            cases=cases,
+            seed=first_seed(seed),
+            jobs=jobs,
+            cluster=cluster,
+            out=out,
+            resume=resume,
+            report=report,
+            files=RunFiles(trace=trace, picture=picture, record=record, raw_images=raw_images),
+            watch=display,
+        )
+    except KeyboardInterrupt:
+        if not display.begun:
+            raise
+        display.report_end("interrupted: ")
+        return INTERRUPTED
+    except ClusterLost as error:
+        display.report_end(f"{error}; ")
+        return 1
+    finally:
+        display.print_rest()
+    return display.report_end()
 
 
 def first_seed(text: str) -> int:
@@ -185,16 +186,6 @@ def first_seed(text: str) -> int:
     if not (text.isascii() and text.isdigit()):
         raise InputError(f"--seed {text}: expected a whole number from 0 on, or {RANDOM!r}")
     return int(text)
-
-
-def check_outputs(planned: Plan, report: Path | None, *single: Path | None) -> None:
-    """Raise InputError when a file of one run is given for more, or when the folder of a file does not exist."""
-    for file in filter(None, single):
-        if len(planned) > 1:
-            raise InputError(f"{file}: can hold one run, not {len(planned)}")
-    for file in filter(None, (report, *single)):
-        if not file.parent.is_dir():
-            raise InputError(f"{file}: there is no folder {file.parent}")
 
 
 @app.command("limits")

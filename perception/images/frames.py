@@ -95,8 +95,12 @@ def _of_source(
     step: Step[R] | None = None
     for path, number, t_s, image in source.shots(unread):
         if step is None:
-            camera = camera_for(source, image)
+            camera, first = camera_for(source, image), image.shape
             step = build(source, camera)
+        elif image.shape != first:
+            sizes = (f"{shape[1]} x {shape[0]} px" for shape in (image.shape, first))
+            unread(InputError(f"{path}: {', but the first image of the drive has '.join(sizes)}"))
+            continue
         started_s = time.perf_counter()
         result = step(Frame(t_s=t_s, image=image))
         latency_ms = 1e3 * (time.perf_counter() - started_s)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, nullcontext
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +16,55 @@ from trepid.config import InputError
 
 Workforce = Callable[[Plan], Iterator[tuple[str, Outcome]]]
 """Runs cases and yields their outcomes by key as they finish; closing the iterator ends it at once."""
+
+
+class Watch:
+    """Follows a sweep; this one does nothing."""
+
+    title = "trepid.sweep"
+    """Of the report."""
+
+    def begin(self, plan: Plan, store: PlanStore | None) -> None:
+        """The cases of ``plan`` are about to run, but for those that ``store`` holds."""
+
+    def add(self, key: str, outcome: Outcome) -> None:
+        """The case ``key`` is finished, or was stored."""
+
+
+class InPlanOrder:
+    """Puts outcomes that finish in any order into the order of the plan."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._awaited = iter(plan)
+        self._next = next(self._awaited, None)
+        self._early: dict[str, Outcome] = {}
+
+    def add(self, key: str, outcome: Outcome) -> Iterator[tuple[str, Outcome]]:
+        """Add an outcome; yields all outcomes that have no unfinished predecessor."""
+        self._early[key] = outcome
+        while self._next in self._early:
+            yield self._next, self._early.pop(self._next)
+            self._next = next(self._awaited, None)
+
+    def rest(self) -> Iterator[tuple[str, Outcome]]:
+        """The outcomes behind unfinished ones, after the end of the sweep."""
+        for key in [key for key in self._awaited if key in self._early]:
+            yield key, self._early.pop(key)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunFiles:
+    """The files of a single run: trace (.npz), picture (.png) and recording (.mcap)."""
+
+    trace: Path | None = None
+    picture: Path | None = None
+    record: Path | None = None
+    raw_images: bool = False  # in the recording
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files to write."""
+        return [path for path in (self.trace, self.picture, self.record) if path is not None]
 
 
 def in_this_process(plan: Plan, *, detailed: bool = False) -> Iterator[tuple[str, Outcome]]:
@@ -69,24 +119,17 @@ def sweep(plan: Plan, work: Workforce, store: PlanStore | None = None) -> Iterat
             progress.step(plan[key].scenario.duration_s)
 
 
-def saving(
-    plan: Plan,
-    *,
-    trace: Path | None,
-    picture: Path | None,
-    record: Path | None,
-    raw_images: bool,
-    detailed: bool,
-) -> Iterator[tuple[str, Outcome]]:
-    """Run the cases in this process and save trace, picture and recording of each. Raises what a run raises."""
+def saving(plan: Plan, files: RunFiles, *, detailed: bool) -> Iterator[tuple[str, Outcome]]:
+    """Run the cases in this process and save ``files`` of each. Raises what a run raises."""
     from sim_harness.report.picture import draw
 
     for key, case in plan.items():
-        recorder = recording(record, case.scenario, raw_images=raw_images) if record else nullcontext()
+        record = files.record
+        recorder = recording(record, case.scenario, raw_images=files.raw_images) if record else nullcontext()
         with recorder as witness:
             result, outcome = perform(case, detailed=detailed, witness=witness)
-        if trace is not None:
-            result.trace.save(trace)
-        if picture is not None:
-            draw(case.scenario, result.trace, picture, seed=case.seed)
+        if files.trace is not None:
+            result.trace.save(files.trace)
+        if files.picture is not None:
+            draw(case.scenario, result.trace, files.picture, seed=case.seed)
         yield key, outcome

@@ -218,3 +218,13 @@ def test_a_number_that_rounds_to_zero_is_printed_without_a_minus():
     tiny = replace(nothing, lateral_offset_m=-0.0004, heading_error_rad=-1e-6, curvature_1pm=-1e-6)
     cells = _cells(FrameResult(Path("a.png"), 0, 0.0, np.zeros((9, 9, 3), np.uint8), CAMERA, tiny, 1.0))
     assert cells[2:5] == ["+0.00", "+0.00", "+0.0000"]
+
+
+def test_an_image_of_another_size_than_the_first_of_a_drive_is_named_and_left_out(folder, picture, capsys):
+    cv2.imwrite(str(folder / "c.png"), picture[:200, :300])
+    assert estimate([folder], drive=True, as_json=True) == 1
+    out, err = capsys.readouterr()
+    assert [Path(json.loads(line)["file"]).name for line in out.splitlines()] == ["a.jpg", "b.png"]
+    assert "c.png: 300 x 200 px, but the first image of the drive has 320 x 240 px; left out" in err
+    with pytest.raises(InputError, match="300 x 200"):
+        estimate([folder], drive=True, strict=True)

@@ -14,8 +14,7 @@ from sim_harness.scenarios.scenario import Scenario, Sight, load_scenario
 from sim_harness.sweep.outcome import Outcome, execute, is_complete
 from sim_harness.sweep.plan import by_sampling, by_seeds, case_key, plan, select
 from sim_harness.sweep.plan_store import PlanStore
-from sim_harness.sweep.show import InPlanOrder
-from sim_harness.sweep.sweep import in_this_process, on_processes, sweep
+from sim_harness.sweep.sweep import InPlanOrder, in_this_process, on_processes, sweep
 from trepid.config import InputError
 
 pytestmark = pytest.mark.long
