@@ -102,12 +102,20 @@ def test_a_box_off_the_road_or_without_the_width_of_a_vehicle_is_dropped(box: tu
     assert on_road(CAMERA, box, 0.9) is None
 
 
-def test_the_own_bonnet_is_no_vehicle() -> None:
+@pytest.mark.parametrize("share", [0.91, 0.95, 1.0])
+def test_a_box_about_as_wide_as_the_picture_at_its_lower_edge_is_no_vehicle(share: float) -> None:
     width, height = CAMERA.width_px, CAMERA.height_px
-    wide = (0.01 * width, 0.5 * height, 0.99 * width)
-    assert on_road(CAMERA, (*wide, height), 0.9) is None
-    truck = (0.2 * width, 0.3 * height, 0.8 * width, 0.9 * height)
-    assert on_road(CAMERA, truck, 0.9) is not None
+    left = (1 - share) / 2 * width
+    for bottom in (0.93 * height, float(height)):
+        assert on_road(CAMERA, (left, 0.4 * height, width - left, bottom), 0.9) is None
+
+
+def test_the_widest_lorry_at_the_nearest_road_in_the_picture_is_a_vehicle() -> None:
+    nearest_m = float(CAMERA.road_from_pixel([(CAMERA.cx_px, CAMERA.height_px - 1.0)])[0][0])
+    feet_px = CAMERA.pixel_from_road([(nearest_m, 1.275), (nearest_m, -1.275)])
+    (left, bottom), (right, _) = feet_px.tolist()
+    found = on_road(CAMERA, (left, 0.0, right, bottom), 0.9)
+    assert found is not None and found.width_m == pytest.approx(2.55, abs=0.01)
 
 
 def test_a_point_goes_to_the_odometry_frame_and_back() -> None:
