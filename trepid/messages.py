@@ -10,10 +10,10 @@ previous value.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
-from trepid.frozen import record
 from trepid.types import Image
 
 PixelPath = tuple[tuple[float, float], ...]
@@ -41,7 +41,7 @@ class Stop(StrEnum):
     EMERGENCY = "emergency"  # at most 4 m/s² (UN R157 minimal-risk manoeuvre limit)
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """One camera frame (sensor_msgs/Image)."""
 
@@ -49,7 +49,7 @@ class Frame:
     image: Image
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CompressedFrame:
     """A camera frame as JPEG, for recorders and displays (sensor_msgs/CompressedImage)."""
 
@@ -57,7 +57,7 @@ class CompressedFrame:
     jpeg: bytes
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ImageStatistics:
     """Statistics of the pixels of a frame, from which its quality is rated."""
 
@@ -84,7 +84,7 @@ class EstimateKind(StrEnum):
     ANGLE = "angle"  # the road-wheel angle alone; the lane state is None
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SteeringEstimate:
     """The lane state measured by one estimator, and the road-wheel angle that a kinematic vehicle would need.
 
@@ -138,7 +138,7 @@ class SteeringEstimate:
         )
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LeadVehicle:
     """The vehicle ahead, relative to the rear axle of the ego vehicle."""
 
@@ -149,7 +149,7 @@ class LeadVehicle:
     confidence: float
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RoadUsers:
     """The people, cyclists and animals ahead: their ground points in the vehicle frame, one item each.
 
@@ -166,7 +166,7 @@ class RoadUsers:
     detects: tuple[str, ...] = ()
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState:
     """The measured state of the vehicle. ``t_s`` is the time of measurement."""
 
@@ -192,7 +192,7 @@ QUANTITIES: Mapping[str, str] = MappingProxyType(
 """Field of VehicleState that may be doubted -> its name in texts."""
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Odometry:
     """Motion measured by the driver of a car (nav_msgs/Odometry): the part that Trepid uses."""
 
@@ -201,7 +201,7 @@ class Odometry:
     yaw_rate_radps: float
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
     """The decision of the supervisor: fear and its cause, mode, path and speed."""
 
@@ -241,7 +241,7 @@ class Decision:
     speed_cap_mps: float
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
     """The command to the vehicle (ackermann_msgs/AckermannDriveStamped)."""
 
@@ -253,7 +253,7 @@ class Command:
     jerk_mps3: float = 0.0  # likewise
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SimTruth:
     """The true pose on the road, from the simulator. No driving process may read it."""
 
@@ -301,7 +301,7 @@ class Health(StrEnum):
     ERROR = "error"
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
     """The state of one process (diagnostic_msgs/DiagnosticArray with one status)."""
 
@@ -312,7 +312,7 @@ class Diagnostic:
     values: tuple[tuple[str, str], ...]
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DriverInput:
     """The demand of a driver at a game pad or keyboard. ``t_s`` is the time of reading."""
 
@@ -326,7 +326,7 @@ class DriverInput:
     record: bool  # the driver wants the drive recorded
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StopRequest:
     """A press of the stop button of the page, or its release. ``t_s`` is the time of the press."""
 
@@ -334,7 +334,7 @@ class StopRequest:
     stop: bool  # False: the car may drive again; heard at standstill only
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
     """When a process handled frames: one entry per frame that triggered a step, on the clock of the drive [s].
 
@@ -351,7 +351,7 @@ class Timing:
     sent_s: tuple[float, ...]  # the output is handed to the transport, or to the actuator
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Steps:
     """The inputs of consecutive steps of one node, from which a recording is run again bit for bit.
 
@@ -369,7 +369,7 @@ class Steps:
     broken: tuple[float, ...]  # places in read_s with a newer message that could not be decoded
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Losses:
     """Lost processes, as reported by the launcher, by the effect of their loss (``loss`` in ``processes.yaml``)."""
 

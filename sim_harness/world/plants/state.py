@@ -1,9 +1,9 @@
 """The state of a simulated vehicle."""
 
-from trepid.frozen import record
+from dataclasses import dataclass
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlantState:
     """Pose of the centre of the rear axle, longitudinal motion, and the state of the steering."""
 
