@@ -33,18 +33,18 @@ from pydantic import Field
 
 from controller.laws.lateral import LateralSettings, build_law
 from controller.laws.law import Acting
-from controller.learner.steering_learner import LearningSettings, SteeringLearner
 from controller.model.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
 from controller.prediction import Predictor
 from controller.reckoned_speed import ReckonedSpeed
 from controller.speed.control import STRONGEST_MPS2, SpeedControl
 from controller.speed.limits import SpeedSettings, target
+from controller.steering_learner import LearningSettings, SteeringLearner
 from trepid.bounds import at_least, at_most, within
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read
-from trepid.lateness import Lateness, LatenessLimits
 from trepid.messages import Command, Decision, Losses, Mode, Stop, VehicleState
+from trepid.processes.lateness import Lateness, LatenessLimits
 from trepid.scale import ReferenceWorld
 from trepid.types import Positive
 

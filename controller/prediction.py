@@ -13,9 +13,9 @@ import math
 from collections import deque
 
 from controller.laws.law import Acting
-from controller.learner.steering_timing import SteeringTiming
 from controller.model.lag import wheel_after
 from controller.model.tyres import Turning, Tyres
+from controller.steering_timing import SteeringTiming
 from trepid.bounds import at_least, at_most
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane, LaneFields, lane_after

@@ -17,8 +17,8 @@ from drive.course import Findings
 from drive.plan import ESTIMATOR, LEAD
 from trepid.car.camera import Camera
 from trepid.config import BAD_INPUT, CONFIG_DIR, ROOT, InputError, default_file, load
+from trepid.loudness import Loudness, detail, loudness, speak
 from trepid.processes.settings import ProcessSpec
-from trepid.speech.loudness import Loudness, detail, loudness, speak
 
 
 def check_car(specs: Sequence[ProcessSpec]) -> Findings:

@@ -10,13 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from trepid.causes import concerning
-from trepid.commands.car_option import Car
-from trepid.commands.changes_option import Changes
-from trepid.commands.estimator_option import Chosen
-from trepid.commands.record_option import RawImages
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
+from trepid.loudness import Loudness, loudness, note, warn
 from trepid.messages import Health
-from trepid.speech.loudness import Loudness, loudness, note, warn
+from trepid.options import Car, Changes, Chosen, RawImages
 
 if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from rich.console import Group

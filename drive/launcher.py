@@ -23,14 +23,13 @@ from drive.plan import (
 from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import car_folder
-from trepid.processes.access import published_by
 from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.endpoint import usable_endpoint
 from trepid.processes.fused import gathered
 from trepid.processes.launch import Child, Fleet
 from trepid.processes.page_door import FOXGLOVE, PAGE, PageDoor
 from trepid.processes.register import Running, registered, ticks
-from trepid.processes.settings import RECORDER, ProcessSpec, check_vehicle, load_processes
+from trepid.processes.settings import RECORDER, ProcessSpec, check_vehicle, load_processes, published_by
 from trepid.recording.ring import ring_name
 from trepid.recording.writer import check_recording
 from trepid.security import LAUNCHER, session_settings

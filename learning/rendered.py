@@ -19,7 +19,7 @@ from pydantic import BaseModel
 
 from sim_harness.sweep.pool import imap
 from trepid.config import WORK_DIR, InputError
-from trepid.speech.loudness import note
+from trepid.loudness import note
 
 SHIPPED = WORK_DIR / "perception" / "weights"
 VERSIONS = ("torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")

@@ -26,9 +26,9 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, use_car
 from trepid.images.files import NOMINAL_FPS
+from trepid.loudness import note
 from trepid.messages import SteeringEstimate
 from trepid.scale import scaled_settings
-from trepid.speech.loudness import note
 from trepid.types import Image
 
 R = TypeVar("R")

@@ -23,12 +23,9 @@ from sim_harness.sweep.outcome import ClusterLost
 from sim_harness.sweep.plan import no_tagged, select, tagged
 from sim_harness.sweep.show import Display
 from sim_harness.sweep.sweep import RunFiles
-from trepid.commands.car_option import Car
-from trepid.commands.changes_option import Changes
-from trepid.commands.estimator_option import Chosen
-from trepid.commands.record_option import RawImages
 from trepid.config import INTERRUPTED, InputError, parse_overrides, refuse
-from trepid.speech.loudness import note
+from trepid.loudness import note
+from trepid.options import Car, Changes, Chosen, RawImages
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 app.command("resimulate")(resimulate_verb)

@@ -31,7 +31,7 @@ from trepid.bounds import at_least, at_most
 from trepid.car.vehicle import Vehicle
 from trepid.causes import Cause, unknown_cause
 from trepid.config import CONFIG_DIR, InputError, Settings, default_file, load, located, read, read_text
-from trepid.lateness import Lateness
+from trepid.loudness import warn
 from trepid.messages import (
     Decision,
     ImageStatistics,
@@ -43,8 +43,8 @@ from trepid.messages import (
     Stop,
     VehicleState,
 )
+from trepid.processes.lateness import Lateness
 from trepid.scale import ReferenceWorld
-from trepid.speech.loudness import warn
 from trepid.spelling import did_you_mean
 from trepid.types import Positive, Share
 

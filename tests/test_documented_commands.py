@@ -98,7 +98,7 @@ def any_car(monkeypatch: pytest.MonkeyPatch) -> None:
     A car that exists is used until the test ends.
     """
     monkeypatch.setenv(CAR, "")
-    used = "trepid.commands.car_option.use_car"
+    used = "trepid.options.use_car"
     monkeypatch.setattr(used, lambda folder: use_car(folder) if folder.is_dir() else None)
 
 

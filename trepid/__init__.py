@@ -15,8 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cockpit.notebook.car import Car, load
-    from cockpit.notebook.drives import OpenRecording, explain, open_recording
+    from cockpit.api import Car, OpenRecording, explain, load, open_recording
     from drive.api import drive
     from perception.api import estimate
     from sim_harness.api import run, sweep
@@ -39,8 +38,7 @@ __all__ = [
     "sweep",
 ]
 _HOMES = {
-    "cockpit.notebook.car": ("Car", "load"),
-    "cockpit.notebook.drives": ("OpenRecording", "explain", "open_recording"),
+    "cockpit.api": ("Car", "OpenRecording", "explain", "load", "open_recording"),
     "drive.api": ("drive",),
     "perception.api": ("estimate",),
     "sim_harness.api": ("run", "sweep"),

@@ -24,8 +24,8 @@ from typer.exceptions import TyperException
 
 from trepid import __version__
 from trepid.config import BAD_INPUT, INTERRUPTED, InputError
+from trepid.loudness import Loudness, detail, loudness, speak, warn
 from trepid.packages import check_packages
-from trepid.speech.loudness import Loudness, detail, loudness, speak, warn
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Numbers of the errors of a disk that takes no more."""

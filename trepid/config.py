@@ -24,10 +24,10 @@ from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
 
+from trepid.files.decoding import UndecodableText, decoded
+from trepid.loudness import detail, warn
 from trepid.scale import REFERENCE_LANE_M, scale_data
-from trepid.speech.loudness import detail, warn
 from trepid.spelling import did_you_mean
-from trepid.text.decoding import UndecodableText, decoded
 
 ROOT = Path(__file__).resolve().parents[1]
 """The checkout, or the folder that the packages are installed in."""
@@ -262,9 +262,9 @@ def texts(path: Path) -> tuple[str, ...]:
 
 
 def read_text(path: Path, *, windows: bool = False, broken_bytes: bool = False) -> str:
-    """The text in ``path`` in any of the encodings of :mod:`trepid.text.decoding`. Raises InputError.
+    """The text in ``path`` in any of the encodings of :mod:`trepid.files.decoding`. Raises InputError.
 
-    For ``windows`` and ``broken_bytes`` see :func:`trepid.text.decoding.decoded`.
+    For ``windows`` and ``broken_bytes`` see :func:`trepid.files.decoding.decoded`.
     """
     detail(f"trepid: reads {path}")
     try:

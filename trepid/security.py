@@ -135,11 +135,6 @@ def private_key(folder: Path, role: str) -> Path:
     return folder / f"{role}.key"
 
 
-def known_roles(folder: Path) -> list[str]:
-    """Roles that have a certificate in ``folder``."""
-    return sorted(path.stem for path in folder.glob("*.crt") if path.stem != AUTHORITY)
-
-
 def check_private(folder: Path, role: str) -> None:
     """Raise InputError unless the files of ``role`` exist and its private key is readable by its owner alone.
 

@@ -19,9 +19,9 @@ from cockpit.calibration.straight_drive import Mounting, mounting
 from cockpit.calibration.winding_drive import Driven, camera_by_driving, recorded_frames
 from perception.images.sources import Clip, Still, sources
 from trepid.car.camera import Camera
-from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.mount import Mount
+from trepid.options import Car
 from trepid.types import Image
 
 MIN_SPEED_MPS = 1.0

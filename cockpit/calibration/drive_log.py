@@ -26,8 +26,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 from trepid.config import InputError
+from trepid.recording.csv_file import Row, read_rows, refuse_rounded_times
 from trepid.recording.reader import read_recording
-from trepid.tables.csv_file import Row, read_rows, refuse_rounded_times
 from trepid.topics import COMMAND, VEHICLE_STATE
 from trepid.types import Column
 

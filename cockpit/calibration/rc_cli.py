@@ -19,9 +19,9 @@ from pydantic import TypeAdapter, ValidationError
 from cockpit.calibration import rc_file
 from cockpit.calibration.rc_session import HELP, Pressed, Session
 from trepid.car.vehicle import Vehicle
-from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, car_folder, load
-from trepid.speech.loudness import warn
+from trepid.loudness import warn
+from trepid.options import Car
 from vehicle.actuators.rc.actuator import Board, open_board, require_reach
 from vehicle.actuators.rc.pulses import Speed
 from vehicle.actuators.rc.settings import RcSettings

@@ -9,9 +9,9 @@ import typer
 
 from controller.model.bicycle import GRAVITY_MPS2, understeer_angle
 from trepid.car.vehicle import Vehicle, road_wheel_angle
-from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
-from trepid.speech.loudness import warn
+from trepid.loudness import warn
+from trepid.options import Car
 
 if TYPE_CHECKING:
     from cockpit.calibration.identification import Parameter

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from cockpit.car import checks, devices, machine
 from cockpit.car.finding import Finding
-from trepid.commands.car_option import Car
+from trepid.options import Car
 
 CHECKS: tuple[Callable[[], Finding], ...] = (
     checks.packages,

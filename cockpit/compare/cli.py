@@ -40,7 +40,7 @@ def compare(
     differ.
     """
     from cockpit.compare.drives import courses
-    from cockpit.figure_style import save
+    from trepid.images.figure_style import save
 
     kinds = [kind_of(path) for path in (one, other)]
     if kinds[0] != kinds[1]:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cockpit.figure_style import BLUE, VERMILION, bare, new_figure
 from cockpit.logbook.recall import Recall, recall
 from cockpit.replay.difference import differences
+from trepid.images.figure_style import BLUE, VERMILION, bare, new_figure
 from trepid.types import Column
 
 if TYPE_CHECKING:

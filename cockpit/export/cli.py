@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from trepid.commands.car_option import Car
 from trepid.config import InputError
-from trepid.speech.loudness import note, warn
+from trepid.loudness import note, warn
+from trepid.options import Car
 
 if TYPE_CHECKING:
     from cockpit.export.drive import Drive

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cockpit.export.table import Table
-from cockpit.figure_style import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILION, bare, new_figure, save
+from trepid.images.figure_style import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILION, bare, new_figure, save
 
 OTHERS = (SKY, ORANGE, GREEN, GREY)  # colours of the estimators
 SIZE_IN = (10.0, 8.0)

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import typer
 
-from cockpit.figure_style import save
 from cockpit.logbook.moment import moment_figure
 from cockpit.logbook.recall import Recall, recall
 from cockpit.logbook.story import overview, story
 from cockpit.logbook.story_text import overview_text, story_text
 from trepid.config import InputError
+from trepid.images.figure_style import save
 
 MAGIC = b"\x89MCAP"
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from cockpit.figure_style import BLUE, FIVE, GREEN, ORANGE, SKY, new_figure
 from cockpit.logbook.recall import Recall, of_valid
 from cockpit.logbook.story import Story
 from supervisor.rules.rule_file import LEVELS
 from trepid.causes import concerning
 from trepid.config import InputError
+from trepid.images.figure_style import BLUE, FIVE, GREEN, ORANGE, SKY, new_figure
 from trepid.messages import SteeringEstimate
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ import numpy as np
 
 from supervisor.rules.inference import FearRules
 from trepid.config import InputError, default_file
+from trepid.loudness import note
 from trepid.messages import (
     CompressedFrame,
     Decision,
@@ -26,7 +27,6 @@ from trepid.messages import (
 from trepid.recording.notes import RULES, RULES_FROM_S
 from trepid.recording.reader import Recorded, Series, read_recording, read_series
 from trepid.recording.writer import rules_name
-from trepid.speech.loudness import note
 from trepid.topics import (
     CAMERA_COMPRESSED,
     COMMAND,

@@ -17,8 +17,8 @@ from cockpit.page.view import View
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, Settings, load
+from trepid.processes.endpoint import listening
 from trepid.processes.page_door import PageDoor, page_token
-from trepid.processes.ports import listening
 from trepid.processes.process import Process, process
 from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from trepid.commands.car_option import Car
 from trepid.config import InputError
-from trepid.speech.loudness import note
+from trepid.loudness import note
+from trepid.options import Car
 
 if TYPE_CHECKING:
     from cockpit.replay.difference import Difference

@@ -12,7 +12,6 @@ from rich.console import Console
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
-from cockpit.figure_style import save
 from cockpit.logbook.explain_drive import explain_drive, is_recording
 from cockpit.rulebook.explanation import check_name, explanation
 from cockpit.rulebook.figure import sets_figure, surface_figure
@@ -24,6 +23,7 @@ from supervisor.rules.proofs import calmest
 from supervisor.rules.rule_file import RuleFile, rule_schema
 from supervisor.rules.verify import place, verify
 from trepid.config import CONFIG_DIR, InputError, load, read_text
+from trepid.images.figure_style import save
 
 if TYPE_CHECKING:
     from supervisor.rules.scikit import Agreement

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cockpit.figure_style import FIVE, GREY, INK, MAP, bare, new_figure
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import LEVELS, Input
+from trepid.images.figure_style import FIVE, GREY, INK, MAP, bare, new_figure
 from trepid.types import Column
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """Schedules of LQI gains, computed once per vehicle and kept in a folder of the user.
 
 :mod:`controller.laws.lqi_design` computes a schedule with python-control, whose import alone takes seconds. The
-result is kept (:mod:`trepid.cache.files`) under a hash of all inputs of the computation: dead time, lags, settings,
+result is kept (:mod:`trepid.files.cache`) under a hash of all inputs of the computation: dead time, lags, settings,
 the source of the design and the versions of the libraries.
 """
 
@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from controller.laws.lqi_settings import SPEEDS_MPS, Design, Gains, Lags, LqiSettings, Margins
-from trepid.cache.files import cache_file, keep
+from trepid.files.cache import cache_file, keep
 
 _SOURCES = ("lqi_design.py", "lqi_settings.py")
 

@@ -10,9 +10,8 @@ import typer
 from learning.models.catalogue import model
 from learning.rendered import need_torch, say
 from learning.training.recipe import load_recipe
-from trepid.commands.car_option import Car
-from trepid.commands.typed import typed_command
 from trepid.config import InputError, parse_overrides
+from trepid.options import Car, typed_command
 
 MPH = 0.44704
 

@@ -9,9 +9,8 @@ from typing import Annotated
 
 import typer
 
-from trepid.commands.car_option import Car
-from trepid.commands.typed import typed_command
 from trepid.config import InputError, parse_overrides
+from trepid.options import Car, typed_command
 
 app = typer.Typer(no_args_is_help=True)
 

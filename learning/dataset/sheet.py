@@ -6,9 +6,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cockpit.figure_style import BLUE, GREEN, GREY, ORANGE, VERMILION, bare, new_figure, save
 from learning.dataset.dataset import NONE, SPLITS, Dataset
 from learning.dataset.motion import suspicious
+from trepid.images.figure_style import BLUE, GREEN, GREY, ORANGE, VERMILION, bare, new_figure, save
 from trepid.types import Image
 
 COLUMNS, ROWS = 7, 4

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from trepid.commands.car_option import Car
 from trepid.config import InputError, load
+from trepid.options import Car
 
 if TYPE_CHECKING:
     from learning.judging.evaluate import Bench

@@ -19,8 +19,8 @@ from perception.net.canonical import cropped
 from perception.net.steer_net import Calibration, Network, Record
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.options import Car
 
 if TYPE_CHECKING:
     from learning.lane.fit import Recipe

@@ -29,8 +29,8 @@ from perception.lead.view import COLUMNS, ROWS, STRIPS
 from perception.net.session import load_record, open_session
 from sim_harness.sweep.pool import imap
 from trepid.car.camera import Camera
-from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.options import Car
 
 FRAMES_PER_ROAD = 60
 HELD_BACK_SHARE, HELD_BACK_ROADS = (

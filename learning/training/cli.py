@@ -12,9 +12,8 @@ from rich.table import Column, Table
 from learning.models.catalogue import MODELS, model
 from learning.rendered import need_torch, say
 from learning.training.recipe import load_recipe
-from trepid.commands.car_option import Car
-from trepid.commands.typed import typed_command
 from trepid.config import InputError, parse_overrides
+from trepid.options import Car, typed_command
 
 LIST = "list"
 

@@ -17,8 +17,8 @@ from perception.images.sources import FILM_SUFFIXES, Source, settings_of, source
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
+from trepid.loudness import warn
 from trepid.messages import Frame
-from trepid.speech.loudness import warn
 from trepid.types import Image
 
 R = TypeVar("R")

@@ -24,8 +24,8 @@ from perception.lead.kinds import VEHICLE
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
+from trepid.loudness import note
 from trepid.messages import Frame, LeadVehicle
-from trepid.speech.loudness import note
 from trepid.types import Image
 
 SAME_LEFT, SAME_AHEAD = 0.7, 4.0  # heights of a vehicle between a leader, from the bumper, and its detection

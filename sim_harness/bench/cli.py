@@ -16,7 +16,7 @@ from sim_harness.bench.text import brief, tables
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.scenario import list_scenarios
 from trepid.config import InputError
-from trepid.speech.loudness import note
+from trepid.loudness import note
 from trepid.spelling import did_you_mean_or_list
 
 CONTINUED_SEED = 1

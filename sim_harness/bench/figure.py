@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cockpit.figure_style import BLUE, bare, new_figure, save
 from sim_harness.bench.text import Row, columns_of, grids, shown
+from trepid.images.figure_style import BLUE, bare, new_figure, save
 
 MAX_PANELS, MAX_BARS = 4, 32
 LOGARITHMIC_FROM = 400.0  # ratio of the greatest to the least value

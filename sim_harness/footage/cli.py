@@ -19,10 +19,10 @@ from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.footage.resimulation import SUPERVISED, Resimulation, resimulate
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.files import NOMINAL_FPS
-from trepid.speech.loudness import note
+from trepid.loudness import note
+from trepid.options import Car
 
 STARTS = ((0.5, 0.0), (-0.5, 0.0), (0.0, 2.0), (0.0, -2.0))  # m to the left, degrees to the left
 MOST_OFFSET_M, MOST_HEADING_DEG = (

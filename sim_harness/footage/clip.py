@@ -17,10 +17,10 @@ from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
+from trepid.loudness import note
+from trepid.recording.csv_file import read_rows, refuse_halved_numbers, refuse_rounded_times
 from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
-from trepid.speech.loudness import note
-from trepid.tables.csv_file import read_rows, refuse_halved_numbers, refuse_rounded_times
 from trepid.topics import VEHICLE_STATE
 from trepid.types import Array, Image
 

@@ -15,11 +15,11 @@ from perception.images.lane_rows import LANES
 from perception.images.sources import is_recording
 from perception.lead.finder import lead_settings
 from perception.lead.leads import LEADS
-from trepid.commands.car_option import Car
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
+from trepid.loudness import note
 from trepid.messages import SteeringEstimate
-from trepid.speech.loudness import note
+from trepid.options import Car
 
 LEAD = "lead"
 NO_DETECTOR = (

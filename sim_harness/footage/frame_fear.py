@@ -30,12 +30,12 @@ from supervisor.supervisor import SupervisorSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.loudness import note
+from trepid.recording.csv_file import read_rows
 from trepid.recording.interpolation import GAP_S, between
 from trepid.recording.notes import CRUISE
 from trepid.recording.notes import number as number_of
 from trepid.recording.reader import read_recording
-from trepid.speech.loudness import note
-from trepid.tables.csv_file import read_rows
 from trepid.topics import VEHICLE_STATE
 from trepid.types import Array
 

@@ -19,8 +19,8 @@ from sim_harness.world.roads.disturbance_table import load_table
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
-from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.options import Car
 from trepid.types import Image
 
 GRADES = range(6)

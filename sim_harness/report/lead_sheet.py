@@ -20,9 +20,9 @@ from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame
+from trepid.options import Car
 from trepid.types import Image
 
 STATION_M = 55.0

@@ -10,9 +10,9 @@ from sim_harness.report.road_facts import show_verb
 from sim_harness.world.opendrive.reader import read_opendrive
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.road import Road, RoadSettings
-from trepid.commands.car_option import Car
 from trepid.config import InputError
-from trepid.speech.loudness import warn
+from trepid.loudness import warn
+from trepid.options import Car
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 app.command("show")(show_verb)

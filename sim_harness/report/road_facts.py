@@ -11,8 +11,8 @@ import typer
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
-from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.options import Car
 
 STEP_M = 0.5
 QUALITY = 64  # of a JPEG

@@ -6,7 +6,7 @@ import time
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from trepid.speech.loudness import Loudness, loudness, note
+from trepid.loudness import Loudness, loudness, note
 
 LINE_EVERY_S = 5.0
 _WHOLE_SWEEP_S = 1e6  # average the speed over the whole sweep, because cases differ

@@ -8,7 +8,7 @@ from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.store import Row
 from sim_harness.sweep.sweep import InPlanOrder, Watch
-from trepid.speech.loudness import note
+from trepid.loudness import note
 
 
 class Display(Watch):

@@ -17,10 +17,9 @@ from sim_harness.scenarios.sampling import Method, fresh_seed
 from sim_harness.sweep.plan import Plan, by_sampling, plan, select
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.settings import Costs, Span, TuneSettings, parse_vary
-from trepid.commands.car_option import Car
-from trepid.commands.changes_option import Changes
 from trepid.config import CONFIG_DIR, INTERRUPTED, InputError, load, parse_overrides
-from trepid.speech.loudness import note
+from trepid.loudness import note
+from trepid.options import Car, Changes
 
 if TYPE_CHECKING:
     from sim_harness.tuning.score import Score

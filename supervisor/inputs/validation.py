@@ -8,7 +8,6 @@ from trepid.bounds import at_least
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane, Motion
 from trepid.config import Settings
-from trepid.lateness import LatenessLimits
 from trepid.messages import (
     SIGMA_AHEAD_M,
     EstimateKind,
@@ -18,6 +17,7 @@ from trepid.messages import (
     SteeringEstimate,
     VehicleState,
 )
+from trepid.processes.lateness import LatenessLimits
 from trepid.types import Positive
 
 MAX_ANGLE_RAD = math.pi / 2

@@ -20,8 +20,8 @@ from supervisor.situation.features import DOUBT
 from supervisor.situation.world_state import WorldState
 from trepid.bounds import at_least
 from trepid.causes import Cause, concerning
-from trepid.lateness import RECOVERED
 from trepid.messages import Mode, Stop
+from trepid.processes.lateness import RECOVERED
 
 
 class Bounds(NamedTuple):

@@ -22,10 +22,10 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from supervisor.rules.rule_file import FEAR, FORMER_PATH_JITTER, LEVELS, PATH_JITTER, RuleFile
 from trepid import config
-from trepid.cache.grammar import lalr
 from trepid.causes import unknown_cause
 from trepid.config import InputError
-from trepid.speech.loudness import warn
+from trepid.files.grammar import lalr
+from trepid.loudness import warn
 from trepid.spelling import did_you_mean
 
 MAX_CASES, MAX_DEPTH = 256, 32

@@ -23,9 +23,9 @@ from supervisor.path.follow import Lead
 from supervisor.rules.rule_file import Input
 from trepid.clothoid import Motion
 from trepid.config import InputError
+from trepid.loudness import warn
 from trepid.messages import ImageStatistics
 from trepid.plugins import Group, added, part
-from trepid.speech.loudness import warn
 
 
 class Moment(NamedTuple):

@@ -12,8 +12,8 @@ from message_rig import SHUTTLE, command, decision, state, vehicle
 from controller.controller import Controller, build
 from controller.model.bicycle import angle_from_curvature
 from trepid.config import CONFIG_DIR, InputError
-from trepid.lateness import RECOVERED
 from trepid.messages import Command, Decision, Losses, Mode, Stop, VehicleState
+from trepid.processes.lateness import RECOVERED
 
 NUMBERS = (
     *((Decision, f.name) for f in fields(Decision) if "float" in str(f.type) and "tuple" not in str(f.type)),

@@ -11,7 +11,7 @@ from message_rig import state, vehicle
 from cockpit.calibration.drive_log import DriveLog
 from cockpit.calibration.identification import identify_understeer
 from cockpit.calibration.steering_response import identify_response
-from controller.learner.steering_learner import SteeringLearner
+from controller.steering_learner import SteeringLearner
 from trepid.car.vehicle import GRADIENT
 
 PERIOD_S = 0.01

@@ -16,7 +16,6 @@ from supervisor.rules.sentence import parse_rule
 from supervisor.supervisor import Supervisor, SupervisorSettings, build
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.lateness import RECOVERED
 from trepid.messages import (
     Decision,
     LeadVehicle,
@@ -24,6 +23,7 @@ from trepid.messages import (
     SteeringEstimate,
     Stop,
 )
+from trepid.processes.lateness import RECOVERED
 
 NO_LANE = replace(
     ESTIMATE,

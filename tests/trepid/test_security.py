@@ -6,8 +6,7 @@ import pytest
 
 from trepid.bus import free_endpoint, open_bus
 from trepid.config import CAR, InputError
-from trepid.processes.access import published_by
-from trepid.processes.settings import load_processes
+from trepid.processes.settings import load_processes, published_by
 from trepid.security import (
     LAUNCHER,
     OBSERVER,

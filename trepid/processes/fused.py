@@ -19,10 +19,9 @@ from pydantic import Field
 
 from trepid.config import InputError, Settings
 from trepid.messages import Health
-from trepid.processes.access import published_by
 from trepid.processes.process import Process, Values, process
 from trepid.processes.realtime import OPTION
-from trepid.processes.settings import RESERVED, ProcessSpec, missing_module, module_spec
+from trepid.processes.settings import RESERVED, ProcessSpec, missing_module, module_spec, published_by
 from trepid.processes.turns import NodeModule, repeat
 
 FUSED = "trepid.processes.fused"

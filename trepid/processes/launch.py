@@ -6,13 +6,18 @@ the kernel ends a command with the launcher (:mod:`trepid.processes.foreign`).
 
 The vehicle process ends first, because it brings a moving car to a standstill before: the launcher is the only
 writer of its pipe. The pipe of the others has two writers, the launcher and the vehicle process.
+
+The log of a process is the end of what it writes to its standard output and error. It lies in memory, where no full
+disk can stop the process that writes or the launcher that starts it again.
 """
 
+import fcntl
 import os
 import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -22,10 +27,32 @@ from typing import IO, Any
 
 from trepid.clock import epoch_clock
 from trepid.config import BAD_INPUT, ROOT, InputError, car_folder
-from trepid.processes.access import published_by
-from trepid.processes.log import new_log, shorten
 from trepid.processes.process import ASSIGNMENT, STOP_S, Assignment
-from trepid.processes.settings import ProcessSpec, Restart, working_folder
+from trepid.processes.settings import ProcessSpec, Restart, published_by, working_folder
+
+KEPT_BYTES = 65_536
+LONGEST_BYTES = 4 * KEPT_BYTES
+
+
+def new_log() -> IO[bytes]:
+    """A file for the log of one process, open for appending. Raises OSError."""
+    if not hasattr(os, "memfd_create"):
+        return tempfile.TemporaryFile("a+b", buffering=0)
+    descriptor = os.memfd_create("trepid")
+    # The flag belongs to the open file and holds in the process too, which writes on at the end of a shortened log.
+    fcntl.fcntl(descriptor, fcntl.F_SETFL, os.O_RDWR | os.O_APPEND)
+    return os.fdopen(descriptor, "r+b", buffering=0)
+
+
+def shorten(log: IO[bytes]) -> None:
+    """Keep the last KEPT_BYTES of a log that is longer than LONGEST_BYTES."""
+    if os.fstat(log.fileno()).st_size <= LONGEST_BYTES:
+        return
+    log.seek(-KEPT_BYTES, os.SEEK_END)
+    end = log.read(KEPT_BYTES)
+    log.truncate(0)
+    log.write(end)
+
 
 ABORT_GRACE_S = 0.3
 FRAME = re.compile(r'  File "(.+)", line (\d+)')

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from trepid.config import CONFIG_DIR, InputError, located, read
-from trepid.processes.ports import bound, reserved
+from trepid.processes.endpoint import bound, reserved
 from trepid.processes.register import folder, folders
 from trepid.security import certificate, load_security, on_loopback, private_key
 

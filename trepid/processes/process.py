@@ -22,10 +22,10 @@ from pydantic import Field, ValidationError
 from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock
 from trepid.config import BAD_INPUT, InputError, Settings
+from trepid.loudness import warn
 from trepid.messages import Diagnostic, Health
 from trepid.processes.realtime import OPTION, prefer
 from trepid.security import session_settings
-from trepid.speech.loudness import warn
 from trepid.topics import DIAGNOSTICS, VEHICLE_STATE, Topic
 
 Values = tuple[tuple[str, str], ...]

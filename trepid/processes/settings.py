@@ -1,4 +1,7 @@
-"""The processes of a drive as settings: ``config/processes.yaml``, overridden by that of the car."""
+"""The processes of a drive as settings: ``config/processes.yaml``, overridden by that of the car.
+
+They give the permitted publishers of the topics of a drive too.
+"""
 
 import importlib.util
 import os
@@ -30,7 +33,17 @@ from trepid.plugins import Group, added
 from trepid.processes.realtime import OPTION, PRIORITIES
 from trepid.security import AUTHORITY, OBSERVER
 from trepid.spelling import did_you_mean
-from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, DRIVER_INPUT, STOP_REQUEST, VEHICLE_STATE
+from trepid.topics import (
+    CAMERA_COMPRESSED,
+    CAMERA_IMAGE,
+    DRIVER_INPUT,
+    IMAGE_STATISTICS,
+    LEAD_VEHICLE,
+    ROAD_USERS,
+    SIM_TRUTH,
+    STOP_REQUEST,
+    VEHICLE_STATE,
+)
 from trepid.types import NonNegative
 
 FILE = CONFIG_DIR / "processes.yaml"
@@ -344,3 +357,18 @@ def module_spec(name: str) -> ModuleSpec | None:
         return importlib.util.find_spec(name)
     finally:
         sys.path[:] = before
+
+
+def published_by(specs: Iterable[ProcessSpec]) -> dict[str, tuple[str, ...]]:
+    """Keys of the topics that each process may publish, by its name, for the access control of Zenoh.
+
+    These are the topics in ``processes.yaml``, the image statistics of the estimator that judges the image, and the
+    vehicle ahead and the road users where the simulated car gives them.
+    """
+    return {spec.name: (*spec.publishes, *_implied(spec)) for spec in specs}
+
+
+def _implied(spec: ProcessSpec) -> tuple[str, ...]:
+    judges = (IMAGE_STATISTICS.key,) if spec.options.get("statistics") else ()
+    sensed = (LEAD_VEHICLE.key, ROAD_USERS.key) if SIM_TRUTH.key in spec.publishes else ()
+    return (*judges, *sensed)

@@ -16,10 +16,10 @@ from controller.limiter import Limiter, Limits
 from controller.limiter import build as build_limiter
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
+from trepid.loudness import warn
 from trepid.messages import Command, Health, VehicleState
 from trepid.processes.process import STOP_S, Process, Ticker, process
 from trepid.processes.timing import Timekeeper
-from trepid.speech.loudness import warn
 from trepid.topics import COMMAND, DRIVER_INPUT, STOP_REQUEST, VEHICLE_STATE
 from vehicle.actuators.actuator import INVALID, Actuator, Car
 from vehicle.actuators.table import build as build_actuator

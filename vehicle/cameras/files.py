@@ -9,7 +9,7 @@ import numpy as np
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS, images_in, read_image
 from trepid.images.video import loss_of, video_frames
-from trepid.speech.loudness import warn
+from trepid.loudness import warn
 from trepid.types import Positive
 from vehicle.cameras.playback import Playback, PlaybackSettings, Shot, recording_path
 from vehicle.cameras.source import Drive

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from trepid.commands.car_option import Car
 from trepid.config import parse, read
+from trepid.options import Car
 from trepid.processes.settings import FILE, ProcessesFile
 from trepid.security import LAUNCHER, OBSERVER
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trepid.config import InputError
-from trepid.speech.loudness import warn
+from trepid.loudness import warn
 from trepid.types import Column
 
 LICENCE = re.compile(r"(?i)\blicen[cs]e\b[^\n]*")

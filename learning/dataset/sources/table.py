@@ -18,8 +18,8 @@ import numpy as np
 
 from learning.dataset.sources.log import Faults, Log, Steering, number
 from trepid.config import InputError
+from trepid.recording.csv_file import Row, read_rows, refuse_halved_numbers, refuse_rounded_times
 from trepid.spelling import did_you_mean
-from trepid.tables.csv_file import Row, read_rows, refuse_halved_numbers, refuse_rounded_times
 from trepid.types import Column
 
 MPS_PER_MPH = 0.44704

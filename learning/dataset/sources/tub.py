@@ -18,8 +18,8 @@ import numpy as np
 from learning.dataset.sources.log import Faults, Log, Steering, number
 from learning.dataset.sources.tub_manifest import MANIFEST, catalogs_in, read_manifest
 from trepid.config import InputError, read_text
+from trepid.files.decoding import is_broken
 from trepid.images.files import IMAGE_SUFFIXES, natural_order
-from trepid.text.decoding import is_broken
 
 IMAGES = "images"
 NUMBERED = re.compile(r"record_\d+\.json")

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from trepid.config import InputError, read_text
+from trepid.files.decoding import is_broken
 from trepid.images.files import natural_order
-from trepid.text.decoding import is_broken
 
 MANIFEST = "manifest.json"
 LINES = 5

@@ -14,7 +14,7 @@ import numpy as np
 from cockpit.calibration.drive_log import DriveLog, log_of
 from cockpit.calibration.identification import identify_understeer
 from controller.controller import Controller, ControllerSettings
-from controller.learner.steering_learner import SteeringLearner
+from controller.steering_learner import SteeringLearner
 from sim_harness.bench.control.contestants import contestants, driven, nominal, shipped, unlearning
 from sim_harness.bench.control.episode import drive
 from sim_harness.bench.control.lateral import OFFSET_RAD, pushed

@@ -30,8 +30,8 @@ from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
+from trepid.loudness import note
 from trepid.messages import Frame, LeadVehicle, VehicleState
-from trepid.speech.loudness import note
 
 Kind = DisturbanceKind
 CONDITIONS: dict[str, tuple[Disturbance, ...]] = {"clear": ()} | {

@@ -31,8 +31,8 @@ from sim_harness.world.roads.drawn import UNMARKED
 from sim_harness.world.streets import StreetKind
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, Settings, load
+from trepid.loudness import note
 from trepid.messages import Frame, PixelPath, SteeringEstimate
-from trepid.speech.loudness import note
 from trepid.types import Array, Mask
 
 WEIGHTS: tuple[type[Settings], ...] = SearchedWeights, StreetWeights

@@ -17,9 +17,9 @@ from sim_harness.bench.real.sets import SETS, data_folder
 from sim_harness.bench.real.sheets import evenly, reliability, sheet, worst
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint, import_closure
 from sim_harness.sweep.store import Store
-from trepid.cache.files import cache_file
 from trepid.config import ROOT, InputError
-from trepid.speech.loudness import note
+from trepid.files.cache import cache_file
+from trepid.loudness import note
 
 FOLDER = Path("out/bench_real")
 QUICK = 6  # every sixth still or stretch

@@ -18,8 +18,8 @@ from sim_harness.footage.onlooker import Given, Onlooked, Onlooker
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
+from trepid.loudness import note
 from trepid.messages import Frame, SteeringEstimate
-from trepid.speech.loudness import note
 from trepid.types import Array, Image, Mask
 
 NAMES = tuple(ESTIMATORS)

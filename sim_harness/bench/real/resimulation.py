@@ -24,7 +24,7 @@ from sim_harness.footage.visual_speed import speed_mps
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.speech.loudness import note
+from trepid.loudness import note
 from trepid.types import Array
 
 PARTS = Stretches(4, 150)

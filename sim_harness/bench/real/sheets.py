@@ -7,10 +7,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from cockpit.figure_style import BLUE, ORANGE, bare, new_figure, save
 from perception.images.annotate import label
 from sim_harness.bench.real.look import NAMES
 from trepid.config import InputError
+from trepid.images.figure_style import BLUE, ORANGE, bare, new_figure, save
 
 Row = dict[str, Any]
 PER_SHEET, ACROSS = 12, 3

@@ -14,12 +14,12 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from cockpit.figure_style import MAP, new_figure, save
 from sim_harness.bench.severity.drive import Task, driven_row
 from sim_harness.bench.severity.stresses import GRADES, NOTHING, STRESSES
 from sim_harness.sweep.store import Row, stored_rows
 from supervisor.rules.inference import FearRules
 from trepid.config import WORK_DIR, default_file
+from trepid.images.figure_style import MAP, new_figure, save
 
 ROADS, SPEEDS_MPS = ("straight", "bend"), (5.0, 8.0, 12.0, 20.0)
 QUICK_GRADES, QUICK_SPEEDS_MPS = (0, 1, 3, 5), (8.0, 20.0)

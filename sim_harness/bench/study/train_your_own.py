@@ -22,7 +22,7 @@ from sim_harness.bench.imitation.demonstrations import SPEED_MPS, drive_exactly
 from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import ROOT, InputError
-from trepid.speech.loudness import note
+from trepid.loudness import note
 
 FRAMES, RATE_HZ = 3000, 20.0
 COMMANDS = (

@@ -13,7 +13,7 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 from sim_harness.judging.conditions.signals import COUNTERS, UNITS, find_signal
 from sim_harness.judging.trace import LABELS
 from supervisor.rules.rule_file import LEVELS
-from trepid.cache.grammar import lalr
+from trepid.files.grammar import lalr
 
 MAX_LENGTH = 1000  # characters; the claims of a longer sentence could exceed the recursion limit
 COMPARISON = "a comparison (>=, <=, >, <, ==, !=, is)"

@@ -14,7 +14,7 @@ from typing import Any
 from lxml import etree
 
 from trepid.config import InputError
-from trepid.text.decoding import UndecodableText, decoded, mark_and_encoding
+from trepid.files.decoding import UndecodableText, decoded, mark_and_encoding
 
 MAX_COORDINATE = 1e9  # beyond any coordinate on Earth [m]
 _START_TAG = re.compile(

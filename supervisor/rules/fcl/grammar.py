@@ -8,9 +8,9 @@ from typing import NoReturn
 from lark import Lark, Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
-from trepid.cache.grammar import lalr
 from trepid.config import InputError
-from trepid.speech.loudness import note
+from trepid.files.grammar import lalr
+from trepid.loudness import note
 from trepid.spelling import did_you_mean
 
 KEYWORDS = (

@@ -16,9 +16,9 @@ from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns, seconds
 from trepid.config import InputError
 from trepid.messages import CompressedFrame
+from trepid.processes.endpoint import listening
 from trepid.processes.launch import Fleet
 from trepid.processes.page_door import foxglove_port
-from trepid.processes.ports import listening
 from trepid.processes.settings import ProcessSpec, load_processes
 from trepid.topics import CAMERA_COMPRESSED, DECISION
 from trepid.wire import from_cdr

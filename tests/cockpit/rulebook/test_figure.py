@@ -11,7 +11,6 @@ import pytest
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
-from cockpit.figure_style import FIVE
 from cockpit.rulebook.cli import app
 from cockpit.rulebook.figure import sets_figure, shown_range, surface, surface_figure
 from cockpit.rulebook.show import SURFACE_COLUMNS, SURFACE_ROWS
@@ -19,6 +18,7 @@ from supervisor.rules.inference import FearRules
 from supervisor.rules.proofs import calmest
 from supervisor.rules.rule_file import LEVELS
 from trepid.config import CONFIG_DIR, ROOT, InputError
+from trepid.images.figure_style import FIVE
 
 pytestmark = pytest.mark.long
 

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from trepid.processes.log import KEPT_BYTES, LONGEST_BYTES, new_log, shorten
+from trepid.processes.launch import KEPT_BYTES, LONGEST_BYTES, new_log, shorten
 
 WRITES = (
     "import sys\nfor line in sys.stdin:\n    print('x' * int(line), flush=True)\n    sys.stderr.write('.')"

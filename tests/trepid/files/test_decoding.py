@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trepid.text.decoding import UndecodableText, decoded, is_broken
+from trepid.files.decoding import UndecodableText, decoded, is_broken
 
 TEXT = 'VERSION "1.0"\nBreite: 0,32 m – größer\n'
 MARKED = {

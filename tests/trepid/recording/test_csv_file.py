@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trepid.config import InputError
-from trepid.tables.csv_file import read_rows, refuse_halved_numbers, refuse_rounded_times
+from trepid.recording.csv_file import read_rows, refuse_halved_numbers, refuse_rounded_times
 
 HEADER = ["t_s", "image", "angle"]
 ROWS = [[f"{0.05 * n:.3f}", f"{n}.jpg", f"{math.sin(n):.4f}"] for n in range(30)]

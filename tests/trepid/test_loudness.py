@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from trepid.cli import app, main
-from trepid.speech.loudness import Loudness, detail, note, speak
+from trepid.loudness import Loudness, detail, note, speak
 
 SHORT = ["--set", "duration_s=1", "--set", "sight=truth", "--json"]
 

@@ -11,8 +11,8 @@ from identification_rig import check_learned
 from identification_rig import drive as weave
 from message_rig import state, vehicle
 
-from controller.learner.steering_learner import SteeringLearner, yaw_lag_s
 from controller.model.bicycle import angle_from_curvature
+from controller.steering_learner import SteeringLearner, yaw_lag_s
 from trepid.messages import VehicleState
 
 CAR = vehicle(max_road_wheel_rate_radps=3.0)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from message_rig import state, vehicle
 
-from controller.learner.steering_timing import SteeringTiming
+from controller.steering_timing import SteeringTiming
 
 ASSUMED = vehicle(steering_delay_s=0.1, steering_lag_s=0.1)
 

@@ -1,4 +1,4 @@
-"""Parsers of lark, LALR(1), whose tables are computed once and kept (:mod:`trepid.cache.files`).
+"""Parsers of lark, LALR(1), whose tables are computed once and kept (:mod:`trepid.files.cache`).
 
 Computing the tables of a small grammar takes as long as importing lark. A file holds the tables as lark saves them,
 after a hash of them: a damaged file is computed again.
@@ -11,7 +11,7 @@ import sys
 import lark
 from lark import Lark
 
-from trepid.cache.files import cache_file, keep, kept
+from trepid.files.cache import cache_file, keep, kept
 
 _HASH_BYTES = hashlib.sha256().digest_size
 

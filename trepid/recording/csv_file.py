@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trepid.config import InputError, read_text
-from trepid.speech.loudness import detail
+from trepid.loudness import detail
 from trepid.types import Column
 
 SEPARATORS = (",", ";", "\t", "|")  # of two that fit alike the first

@@ -7,7 +7,7 @@ from lark import Lark
 from lark.exceptions import UnexpectedInput
 
 from supervisor.rules import sentence
-from trepid.cache.grammar import lalr
+from trepid.files.grammar import lalr
 
 SENTENCES = (
     "if speed is low then fear is high",

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from trepid.lateness import INTERVALS, RECOVERED, Lateness, LatenessLimits
+from trepid.processes.lateness import INTERVALS, RECOVERED, Lateness, LatenessLimits
 
 LIMITS = LatenessLimits(periods=2.5, least_s=0.0625)
 

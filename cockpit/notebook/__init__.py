@@ -1,1 +1,0 @@
-"""Cars and recordings from Python, for notebooks."""

@@ -1,1 +1,0 @@
-"""Estimation while driving: steering offset, understeer, steering delay."""

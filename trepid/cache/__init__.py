@@ -1,1 +1,0 @@
-"""What is computed once and kept in a folder of the user."""

@@ -1,1 +1,0 @@
-"""What programs say beside their result."""

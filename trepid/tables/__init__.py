@@ -1,1 +1,0 @@
-"""Tables of text (CSV) in all their dialects."""

@@ -1,1 +1,0 @@
-"""Text as the tools of all systems write it."""
