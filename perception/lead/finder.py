@@ -12,6 +12,7 @@ from perception.lane.view import as_bgr, unusable
 from perception.lead.boxes import BoxDetector, BoxSettings
 from perception.lead.detection import Detection, Detector, NotFinite, StripDetector
 from perception.lead.kinds import PERSON, ROAD_USER_KINDS, VEHICLE, detected_kinds
+from perception.lead.picture import Pictures, PictureSettings
 from perception.lead.published import PUBLISHED, fetched
 from perception.lead.runtimes import check_present
 from perception.lead.tracker import Track, Tracker, TrackSettings
@@ -61,6 +62,7 @@ class LeadSettings(Settings):
     weights: Path
     boxes: BoxSettings
     track: TrackSettings
+    picture: PictureSettings
     people: TrackSettings
     published: PublishedSettings
     choice: ChoiceSettings
@@ -131,13 +133,14 @@ class LeadFinder:
         self._reference = ReferenceWorld(vehicle.scale)
         camera, vehicle = scaled_settings(camera, 1 / vehicle.scale), vehicle.in_reference_world
         self._detect, self._settings, self._vehicle = detector, settings, vehicle
-        self._size = camera.width_px, camera.height_px
+        self._camera, self._size = camera, (camera.width_px, camera.height_px)
         self._eye_m, self._nose_m = camera.x_m, vehicle.wheelbase_m + vehicle.front_overhang_m
         self._restart()
 
     def _restart(self) -> None:
         self._tracker = Tracker(self._settings.track, eye_m=self._eye_m)
         self._people = Tracker(self._settings.people, eye_m=self._eye_m, at_rest=True)
+        self._pictures = Pictures(self._settings.picture, self._camera)
         self.road_users: RoadUsers | None = None  # in the last frame; None: it cannot be processed
         self.detections: list[Detection] = []  # in the last frame
         self._ahead: Track | None = None
@@ -180,12 +183,17 @@ class LeadFinder:
         motion = _motion(state)
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
         own = dict(speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
-        self._tracker.step([one for one in self.detections if one.kind == VEHICLE], **own)
+        vehicles = [one for one in self.detections if one.kind == VEHICLE]
+        odometry = self._tracker.odometry
+        own_mps = speed_mps if motion else math.nan
+        self._tracker.step(self._pictures.confirmed(vehicles, image, odometry, own_mps), **own)
         self._people.step([one for one in self.detections if one.kind != VEHICLE], **own)
         self.road_users = self._reference.restored(self._users(frame.t_s, moves=motion is not None))
         lane = usable_lane(self._settings.choice, lanes, t_s=frame.t_s)
         arc_1pm = self._arc_1pm(state, motion)
         self._ahead = self._choose(Corridor(self._settings.choice, lane, arc_1pm, motion, t_s=frame.t_s))
+        pace = dict(speed_mps=own_mps, dt_s=gap_s, t_s=frame.t_s)
+        self._pictures.step(self._ahead, vehicles, image, odometry, **pace)
         return self._reference.restored(self._message(frame.t_s, self._ahead, moves=motion is not None))
 
     def _unknown(self, t_s: float) -> LeadVehicle:
@@ -243,7 +251,7 @@ class LeadFinder:
             t_s=t_s,
             distance_m=max(ahead_m - self._nose_m, 0.0),
             lateral_m=left_m,
-            speed_mps=along_mps if known else None,
+            speed_mps=min(along_mps, self._pictures.most_mps) if known else None,
             confidence=track.confidence,
         )
 
