@@ -3,7 +3,8 @@
 Of each road user count its free way s ahead of the front bumper, its gap g beside the strip that the car drives
 over (half its width, a margin, and the deviation of path and detector, which grows with the distance), and the
 speed w of its approach. It is in the strip after t = g/w, where w is at least the speed u of a worst-case side
-step: who stands may walk. With the reaction time ρ,
+step: who stands may walk, and a cyclist who does not ride along the lane may set off across it, at least as fast.
+With the reaction time ρ,
 
     in the strip          v·ρ + v²/(2·a) ≤ s - s₀                             it stands s₀ before it, comfortably
     beside it             the same, or v ≤ 2·b·(t - ρ), or s ≤ v·t
@@ -121,6 +122,7 @@ def encounter(user: RoadUser, lane: Lane, settings: GivingWaySettings, vehicle: 
     x_mps, y_mps = user.x_mps or 0.0, user.y_mps or 0.0
     along_mps = x_mps + slope * y_mps
     rides_ahead = user.kind == CYCLIST and along_mps >= s.moving_mps
+    sets_off = user.kind == CYCLIST and abs(along_mps) < s.moving_mps
     margin_m = s.overtaking_m if rides_ahead else of_kind.margin_m
     return Encounter(
         kind=user.kind,
@@ -128,7 +130,7 @@ def encounter(user: RoadUser, lane: Lane, settings: GivingWaySettings, vehicle: 
         gap_m=abs(aside_m) - vehicle.track_m / 2 - margin_m - s.margin_per_m * ahead_m,
         closing_mps=-math.copysign(1.0, aside_m) * (y_mps - slope * x_mps),
         along_mps=along_mps,
-        step_mps=of_kind.step_mps,
+        step_mps=at_least(s.person.step_mps, of_kind.step_mps) if sets_off else of_kind.step_mps,
         car_m=vehicle.rear_overhang_m + vehicle.wheelbase_m + vehicle.front_overhang_m,
     )
 

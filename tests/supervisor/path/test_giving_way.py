@@ -184,6 +184,20 @@ def test_a_car_beside_the_centre_sweeps_from_its_place_to_the_centre() -> None:
     assert near.gap_m < far.gap_m
 
 
+@pytest.mark.parametrize(("x_mps", "y_mps"), [(0.0, 0.0), (None, None), (0.2, -1.5)])
+def test_a_cyclist_that_does_not_ride_along_may_set_off_like_a_person(
+    x_mps: float | None, y_mps: float | None
+) -> None:
+    one = encounter(RoadUser("cyclist", 12.0, 3.5, x_mps, y_mps, 0.9), STRAIGHT, S, VEHICLE)
+    assert one.step_mps == S.person.step_mps > S.cyclist.step_mps
+
+
+@pytest.mark.parametrize("x_mps", [5.0, -5.0])
+def test_a_cyclist_that_rides_along_the_lane_swerves_only(x_mps: float) -> None:
+    one = encounter(RoadUser("cyclist", 12.0, 3.5, x_mps, 0.0, 0.9), STRAIGHT, S, VEHICLE)
+    assert one.step_mps == S.cyclist.step_mps
+
+
 def test_a_cyclist_ahead_is_followed_at_its_speed_and_not_overtaken() -> None:
     rider = RoadUser("cyclist", 40.0, -1.5, 5.0, 0.0, 0.9)
     behind = encounter(rider, STRAIGHT, S, VEHICLE)
