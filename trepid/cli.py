@@ -135,7 +135,7 @@ VERBS = {
         "Write a systemd unit that drives a car, with readiness and watchdog notifications.",
     ),
     "bench": Verb(
-        "sim_harness.bench.cli",
+        "lab.bench.cli",
         "bench",
         "Measure time and accuracy of the parts, relative to a peer in the same run.",
     ),

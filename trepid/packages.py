@@ -15,6 +15,7 @@ PACKAGES = (
     "sim_harness",
     "cockpit",
     "learning",
+    "lab",
 )
 
 

@@ -55,8 +55,9 @@ LAUNCHER = "launcher"
 RESERVED = (LAUNCHER, OBSERVER, AUTHORITY)
 """Names that no process may have: their certificates belong to others."""
 PROGRAMS = ("module", "command", "entry_point")
-SIMULATOR = "sim_harness."
-COURSES = f"{SIMULATOR}live.course"
+SIMULATORS = ("sim_harness.", "lab.")
+"""Packages of the modules that need a scenario."""
+COURSES = "sim_harness.live.course"
 """The module of the simulator that makes the course of a scenario: imported when a drive asks for one."""
 PUBLISHED: Mapping[str, tuple[str, ...]] = {
     "vehicle.actuators.node": (VEHICLE_STATE.key,),
@@ -171,7 +172,7 @@ class ProcessSpec:
     @property
     def simulates(self) -> bool:
         """True when the process is a part of the simulator and needs a scenario."""
-        return self.module.startswith(SIMULATOR) or "sim/truth" in self.publishes
+        return self.module.startswith(SIMULATORS) or "sim/truth" in self.publishes
 
     @property
     def is_vehicle(self) -> bool:

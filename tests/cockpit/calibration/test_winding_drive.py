@@ -10,7 +10,7 @@ import pytest
 
 from cockpit.calibration.camera_cli import camera_yaml
 from cockpit.calibration.winding_drive import DrivenFrame, camera_by_driving, recorded_frames
-from sim_harness.bench.perception.unknown_camera import Moment, unknown_drive
+from lab.bench.perception.unknown_camera import Moment, unknown_drive
 from trepid.__main__ import main
 from trepid.car.camera import Camera
 from trepid.config import InputError

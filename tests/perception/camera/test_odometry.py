@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from lab.bench.perception.unknown_camera import Moment, unknown_drive
 from perception.camera.odometry import MAX_PAIRS, DriveOptics, Odometry
-from sim_harness.bench.perception.unknown_camera import Moment, unknown_drive
 
 SEED, NUMBER = 7, 2  # double yellow line
 

@@ -13,6 +13,7 @@ from table_network_rig import plain, write_table
 
 from perception.net.session import first_run, open_session
 from trepid.config import InputError
+from trepid.packages import PACKAGES
 
 ROOT = Path(__file__).parents[3]
 TABLE = plain(189)[None]
@@ -130,19 +131,8 @@ def test_onnx_runtime_keeps_no_store_of_what_it_would_send(tmp_path):
 
 def test_only_one_module_loads_onnx_runtime_by_itself():
     """Loaded elsewhere first, it would read its variables before they are set; its tools are loaded after it."""
-    packages = (
-        "trepid",
-        "perception",
-        "supervisor",
-        "controller",
-        "vehicle",
-        "drive",
-        "sim_harness",
-        "cockpit",
-        "learning",
-    )
     loading = set()
-    for file in (each for package in packages for each in (ROOT / package).rglob("*.py")):
+    for file in (each for package in PACKAGES for each in (ROOT / package).rglob("*.py")):
         for node in ast.parse(file.read_text(encoding="utf-8")).body:  # at the import of the module
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from recorded_rig import recorded
 
+from lab.bench.perception.unknown_camera import unknown_drive
 from perception.camera.odometry import Odometry
-from sim_harness.bench.perception.unknown_camera import unknown_drive
 from sim_harness.footage.estimate_cli import estimate
 from sim_harness.footage.fear_picture import with_lanes
 from sim_harness.footage.frame_fear import given_motion

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sim_harness.bench.perception.unknown_camera import unknown_drive
+from lab.bench.perception.unknown_camera import unknown_drive
 from sim_harness.footage.visual_speed import speed_mps
 
 pytestmark = pytest.mark.long

@@ -14,8 +14,8 @@ from plant_rig import command
 
 from controller.laws.lateral import LawName
 from controller.model.tyres import Turning, Tyres
-from sim_harness.bench.control.episode import road_of as road
-from sim_harness.bench.control.episode import s_clothoid
+from lab.bench.control.episode import road_of as road
+from lab.bench.control.episode import s_clothoid
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.settings import Model, PlantSettings

@@ -10,7 +10,7 @@ from message_rig import SHUTTLE
 from plant_rig import command, drive
 
 from controller.laws.lateral import LawName
-from sim_harness.bench.control.episode import s_clothoid
+from lab.bench.control.episode import s_clothoid
 from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import Model, PlantSettings

@@ -1,0 +1,1 @@
+"""The laboratory, above all other packages: benchmarks of the parts beside their peers."""

@@ -1,0 +1,203 @@
+"""The table of benchmarks: ``trepid bench NAME``. A benchmark is imported when it runs."""
+
+import importlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+
+class Benchmark(NamedTuple):
+    """The module of a benchmark, below ``lab.bench``, and one line for ``trepid bench --list``."""
+
+    module: str
+    summary: str
+    values: str = ""  # of the numbers in its figure, where their names do not give meaning and unit
+    pictured: bool = True  # False: its rows have hardly a column in common
+    continued: bool = False  # an interrupted one is continued by the same command: its seed is fixed
+    own_figure: bool = False  # drawn by the function `draw` of its module instead of as bars
+
+
+BENCHMARKS = {
+    "estimators": Benchmark("frames", "time of each estimator for one frame"),
+    "renderer": Benchmark("frames", "time of a rendered frame"),
+    "lockstep": Benchmark("lockstep", "real-time factor of the closed loop"),
+    "plants": Benchmark("plants", "steps per second of the vehicle models and their peers"),
+    "sweep": Benchmark("sweep", "speed-up of two processes over one"),
+    "determinism": Benchmark("sweep", "one trace hash from 100 runs under load"),
+    "pipeline": Benchmark(
+        "live.pipeline", "a frame from process to process at 30 Hz, beside bare Zenoh; a queue under overload"
+    ),
+    "faults": Benchmark(
+        "live.faults.bench", "faults of real processes: time to the brake, lane, ends, recordings"
+    ),
+    "soak": Benchmark(
+        "live.soak", "half an hour live: memory, files, threads, lost messages of the recorder"
+    ),
+    "page": Benchmark(
+        "live.page",
+        "the live page: capture to screen, share of a core, frame to command with and without viewer",
+    ),
+    "logbook": Benchmark(
+        "logbook.bench",
+        "recordings: random moments explained, opening of half an hour, what a crash leaves, replay",
+        pictured=False,
+    ),
+    "newcomer": Benchmark("newcomer", "clone, make drive: time until the car drives, disk space"),
+    "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
+    "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),
+    "seeds": Benchmark("seeds", "scores with known seeds and with fresh ones"),
+    "perception": Benchmark("perception.bench", "every estimator on rendered clips"),
+    "sight": Benchmark(
+        "perception.sight",
+        "sight distance in fog, night, rain and snow, over crests, behind walls and trucks; on real images",
+        pictured=False,
+    ),
+    "within-sight": Benchmark(
+        "within_sight",
+        "standing and slow vehicles in fog, at night, in rain, beyond crests and walls, at 5 to 25 m/s",
+        continued=True,
+    ),
+    "unknown-camera": Benchmark(
+        "perception.unknown_camera",
+        "how soon a drive measures the height, the lens and the direction of a camera without a file",
+    ),
+    "real": Benchmark(
+        "real.bench", "estimators and the supervisor on every real drive, beside trivial baselines"
+    ),
+    "resimulation": Benchmark(
+        "real.resimulation",
+        "the supervised car in closed loop on footage of real drives and foreign simulators",
+    ),
+    "imitation": Benchmark(
+        "imitation.bench",
+        "networks that learn from drives: on unseen simulated roads, alone, on the last fifth of real drives",
+        continued=True,
+    ),
+    "control-lateral": Benchmark(
+        "control.lateral",
+        "tracking error of the lateral laws and two baselines",
+        values="largest distance from the lane centre [m]",
+    ),
+    "control-mpc": Benchmark("control.mpc", "time of an MPC step, relative to acados"),
+    "control-speeds": Benchmark(
+        "control.speeds",
+        "tracking error from 5 mph to 30 m/s with one tuning",
+        values="largest distance from the lane centre [m], by speed [m/s]",
+    ),
+    "control-deep-steer": Benchmark(
+        "control.deep_steer", "the failure of Deep Steer above 5 mph, reproduced"
+    ),
+    "control-drift": Benchmark(
+        "control.drift",
+        "overshoot after a drift, as in Euro NCAP LSS",
+        values="overshoot relative to the least possible one, by speed of the drift",
+    ),
+    "control-learning": Benchmark(
+        "control.learning", "error with and without learned steering offset and understeer"
+    ),
+    "control-longitudinal": Benchmark(
+        "control.longitudinal", "stopping distance and following of a braking vehicle"
+    ),
+    "control-ranking": Benchmark(
+        "control.speeds",
+        "rank correlation of the laws between plants",
+        values="root mean square of the distance from the lane centre [m]",
+    ),
+    "control-limits": Benchmark("control.limits", "random drives to the limits of ISO 11270 and R79"),
+    "control-random": Benchmark("control.lateral", "1000 cars that differ from their file"),
+    "fear-inference": Benchmark("fear.inference", "time of an inference, relative to scikit-fuzzy"),
+    "fear-causes": Benchmark("fear.causes", "share of injected faults whose cause is named correctly"),
+    "fear-fuzz": Benchmark("fear.fuzz", "broken numbers in messages never lower fear"),
+    "fear-supervision": Benchmark(
+        "fear.supervision", "supervised car and unsupervised drivers on hard drives"
+    ),
+    "fear-severity": Benchmark(
+        "severity.bench",
+        "fear over the grade of every disturbance and fault, by speed: falls, right causes",
+        continued=True,
+        own_figure=True,
+    ),
+    "measured-faults": Benchmark(
+        "measured.bench",
+        "wrong speeds, wheel angles and yaw rates through every wire: lane, and the quantity named",
+        continued=True,
+    ),
+    "security": Benchmark("security", "foreign, malformed and replayed messages that a drive acts upon"),
+    "security-flood": Benchmark("flood", "a drive under 100 000 messages a second, with and without keys"),
+    "follow-detector": Benchmark("follow.detector", "recall and precision of the lead detector"),
+    "follow-runs": Benchmark("follow.runs", "1000 cases of following with a modelled detector"),
+    "follow-rendered": Benchmark("follow.runs", "40 cases of following with rendered images"),
+    "people": Benchmark(
+        "people.bench",
+        "people, cyclists and animals that step out, stand aside, ride ahead; their detector on real pictures",
+        pictured=False,
+    ),
+    "study-speed": Benchmark(
+        "study.loops",
+        "angles of 5 mph at 5 to 25 mph, with and without transposition by understeer",
+        values="largest distance from the lane centre [m]",
+    ),
+    "study-frame-rate": Benchmark(
+        "study.loops", "a network of 0.1 s at 1 to 100 Hz, with a queue and with latest-wins"
+    ),
+    "study-data": Benchmark(
+        "study.learned",
+        "a driving network trained on 1 to 100 % of the frames, three times each",
+        continued=True,
+    ),
+    "study-size": Benchmark(
+        "study.learned", "a driving network for images of 320×240 to 40×30", continued=True
+    ),
+    "study-initialisation": Benchmark(
+        "study.learned", "a driving network by its first weights", continued=True
+    ),
+    "study-heads": Benchmark(
+        "study.learned",
+        "a driving network that gives an angle, its error scale too, or one of 15 classes",
+        continued=True,
+    ),
+    "study-histogram": Benchmark(
+        "study.learned",
+        "a driving network under changed light, with and without histogram matching",
+        continued=True,
+    ),
+    "study-deep-steer": Benchmark(
+        "study.learned", "Deep Steer's tables 2 to 4 beside networks of Trepid", continued=True
+    ),
+    "study-train-your-own": Benchmark(
+        "study.train_your_own", "a tub of 3000 frames to a judged network: time of the three commands"
+    ),
+}
+BY_DEFAULT = ("estimators", "renderer", "lockstep", "plants", "sweep")
+LONG = {"control-limits", "control-random", "fear-severity"}
+"""Benchmarks of half an hour, which their group leaves out."""
+GROUPS = ("control", "fear", "follow", "study")
+
+
+def named(name: str) -> list[str]:
+    """Benchmarks that ``name`` stands for: itself, or the members of a group such as ``control`` without LONG."""
+    if name in GROUPS:
+        return [known for known in BENCHMARKS if known.startswith(f"{name}-") and known not in LONG]
+    return [name]
+
+
+def drawing(name: str) -> Callable[[Mapping[str, Any], Path], None]:
+    """The function that draws the figure of a benchmark with ``own_figure`` from its measured values to a path."""
+    found: Callable[[Mapping[str, Any], Path], None] = importlib.import_module(
+        f"lab.bench.{BENCHMARKS[name].module}"
+    ).draw
+    return found
+
+
+def function(name: str) -> Callable[..., dict[str, Any]]:
+    """The function of a benchmark: ``bench_`` and its name without the group.
+
+    Its parameters are the options of ``trepid bench`` that it takes. It returns its tables: name -> row -> column
+    -> value, or name -> value.
+    """
+    module = importlib.import_module(f"lab.bench.{BENCHMARKS[name].module}")
+    group, _, member = name.partition("-")
+    call: Callable[..., dict[str, Any]] = getattr(
+        module, f"bench_{member if group in GROUPS else name}".replace("-", "_")
+    )
+    return call

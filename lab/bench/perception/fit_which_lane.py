@@ -1,0 +1,119 @@
+"""Weights of the confidence of `cv` without a camera file.
+
+`python -m lab.bench.perception.fit_which_lane --seed 1 --count 400` prints the sections ``searched`` and
+``pair`` of ``street`` in config/perception.yaml. The samples are looks of unknown cameras at drawn streets and
+roads (:mod:`.looks`); a lane is right where both boundaries lie within a quarter of its width from the true ones,
+as for lanes on real frames that are judged by eye.
+
+**Bound.** A logistic regression is calibrated where its samples come from. To hold elsewhere, the bias is lowered
+until the bound below is kept for every family of roads while the weights are fitted to the others: with k of n
+looks of the family wrong at a confidence above a half, (k + 1)/(n + 1) bounds the expected share (conformal risk
+control: Angelopoulos et al., ICLR 2024), here of a family that was not in the fit.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from lab.bench.perception.fit_confidence import fitted
+from lab.bench.perception.looks import Look, looks
+from lab.bench.real.judgement import BESIDE, within
+from lab.bench.real.look import LANE_ROWS, lane_at
+from perception.camera.self_calibration import self_calibrated
+from perception.estimators import lane_cv_settings
+from perception.lane.detection.evenness import columns
+from perception.lane.street.settings import SearchedWeights, StreetWeights
+from perception.lane.which_lane import WhichLane
+from sim_harness.world.roads.drawn import UNMARKED
+from sim_harness.world.streets import StreetKind
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, Settings, load
+from trepid.loudness import note
+from trepid.messages import Frame, PixelPath, SteeringEstimate
+from trepid.types import Array, Mask
+
+WEIGHTS: tuple[type[Settings], ...] = SearchedWeights, StreetWeights
+MAX_WRONG = 0.07  # expected share of looks of a new family that are wrong at a confidence above a half
+MARGINS = np.arange(0.0, 4.0, 0.1)
+FAMILIES: dict[str, str] = {
+    **dict.fromkeys(UNMARKED, "unmarked"),
+    StreetKind.TWO_WAY: "two ways",
+    StreetKind.EDGED: "two ways",
+    StreetKind.PARKING: "strips",
+    StreetKind.CYCLE: "strips",
+    StreetKind.BARE: "bare",
+    StreetKind.ONE_WAY: "one way",
+    StreetKind.LANES: "lanes",
+}  # the other kinds are one family of marked roads
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Features of one finder, whether its lanes were right, and the families of roads."""
+
+    inputs: Array  # (n, features)
+    right: Mask
+    family: Array  # (n,) of str
+
+
+def samples(drawn: Iterable[Look]) -> tuple[Samples, Samples]:
+    """Of the search between heights, and of the pairs."""
+    settings, vehicle = lane_cv_settings(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    found: tuple[list[tuple[tuple[float, ...], bool, str]], ...] = ([], [])
+    for look in drawn:
+        finder = WhichLane(settings, self_calibrated([look.image], settings.self_calibration), vehicle)
+        finder.step(Frame(t_s=0.0, image=look.image), None, now_s=0.0)
+        for rows, one in zip(found, finder.looks, strict=False):
+            rows.append((one.features, is_right(one.estimate, look), FAMILIES.get(look.kind, "marked")))
+        if look.number % 50 == 0:
+            note(f"look {look.number}")
+    searched, paired = (Samples(*(np.array(column) for column in zip(*rows, strict=True))) for rows in found)
+    return searched, paired
+
+
+def is_right(estimate: SteeringEstimate, look: Look) -> bool:
+    """Whether the lane of ``estimate`` is that of the car in ``look``."""
+    rows_px = np.array(LANE_ROWS) * look.image.shape[0]
+    truth = np.array([columns(_path(side), rows_px) for side in (look.left_px, look.right_px)])
+    return within(lane_at(estimate, rows_px), truth, BESIDE) is True
+
+
+def _path(pixels: Array) -> PixelPath:
+    return tuple((float(x_px), float(y_px)) for x_px, y_px in pixels)
+
+
+def margin(known: Samples) -> float:
+    """The least decrease of the bias with which the bound holds for every family that is left out of the fit."""
+    worst = 0.0
+    for family in sorted(set(known.family.tolist())):
+        own = known.family == family
+        weights = fitted(known.inputs[~own], known.right[~own].astype(float))
+        wrong = np.sort((known.inputs[own] @ weights)[~known.right[own]])
+        for lower in MARGINS:
+            if (np.count_nonzero(wrong > lower) + 1) / (np.count_nonzero(own) + 1) <= MAX_WRONG:
+                break
+        worst = max(worst, float(lower))
+    return worst
+
+
+def main(
+    seed: Annotated[int, typer.Option(help="Seed of the looks.")] = 1,
+    count: Annotated[int, typer.Option(help="Number of looks.")] = 400,
+) -> None:
+    """Draw the looks, search, fit, print the weights."""
+    sections = zip(samples(looks(seed, count)), WEIGHTS, ("searched", "pair"), strict=True)
+    for known, section, name in sections:
+        weights, lower = fitted(known.inputs, known.right.astype(float)), margin(known)
+        weights[0] -= lower
+        right = 100 * known.right.mean()
+        print(f"  # {len(known.right)} samples, {right:.1f} % right; bias lowered by {lower:.1f}")
+        fields: list[str] = list(section.model_fields)
+        shown = (f"{field}: {weight:.2f}" for field, weight in zip(fields, weights, strict=True))
+        print(f"  {name}: {{{', '.join(shown)}}}")
+
+
+if __name__ == "__main__":
+    typer.run(main)

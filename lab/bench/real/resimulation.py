@@ -1,0 +1,146 @@
+"""`trepid bench resimulation`: the supervised car in closed loop on footage that others drove.
+
+Stretches of every drive of the sets are re-projected to the car (:mod:`sim_harness.footage.resimulation`). The
+recorded steering gives the path: the yaw rate is speed times steering times a gain, fitted to the yaw rate in the
+images over all stretches, because the lock of those cars is not known. A clip without steering has the path of the
+yaw rate in its images. The speed is that of the log or of the sequence, else that of the ground in the images, in
+the metres of the assumed camera (:mod:`sim_harness.footage.visual_speed`).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lab.bench.real import sets
+from lab.bench.real.frames import Picture, Stretches, cart_drive, donkey_drive, udacity_drive, video
+from sim_harness.footage.clip import Drive
+from sim_harness.footage.reprojection import Shift
+from sim_harness.footage.resimulation import Resimulation, resimulate
+from sim_harness.footage.visual_speed import speed_mps
+from sim_harness.footage.visual_yaw import yaw_changes_rad
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.loudness import note
+from trepid.types import Array
+
+PARTS = Stretches(4, 150)
+PAUSE_S = 0.5  # a longer time between two frames ends a stretch
+LEAST_S = 6.0  # of a stretch
+STARTS = (Shift(), Shift(left_m=0.5), Shift(left_m=-0.5))
+FOOTAGE: dict[str, Callable[[Path], Iterator[Picture]]] = {
+    "highway_udacity_p1": lambda folder: video(folder / "solidWhiteRight.mp4"),
+    "running_track_cart": lambda folder: cart_drive(folder, parts=PARTS),
+    "donkey_sim_carpet": lambda folder: donkey_drive(folder, parts=PARTS),
+    "donkey_indoor_track": lambda folder: donkey_drive(folder, parts=PARTS),
+    "udacity_sim_track": lambda folder: udacity_drive(folder, parts=PARTS),
+}
+"""Folder of the set -> its frames."""
+SPEEDS_MPS = {"highway_udacity_p1": sets.HIGHWAY_MPS}
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of a drive, and its recorded steering."""
+
+    drive: Drive
+    steering_rad: Array | None
+    assumed: bool  # the camera is self-calibrated
+
+
+def bench_resimulation(*, data: Path | None = None) -> dict[str, Any]:
+    """Scores of the supervised car by set, over all stretches and starts. Raises InputError without any set."""
+    folder, rows = sets.data_folder(data), {}
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    for name, pictures in FOOTAGE.items():
+        if not (folder / name).is_dir():
+            continue
+        stretches = with_paths(list(stretches_of(name, pictures(folder / name))))
+        runs = [run for stretch in stretches for run in _runs(stretch, vehicle)]
+        rows[name] = scores(stretches, runs)
+        note(f"resimulation: {name}, {len(runs)} runs")
+    if not rows:
+        raise InputError(f"{folder}: none of the sets {', '.join(FOOTAGE)}")
+    return {"by_set": rows}
+
+
+def stretches_of(name: str, pictures: Iterator[Picture]) -> Iterator[Stretch]:
+    """The longest part without a pause of every drive, where it lasts LEAST_S and its speed is known."""
+    for _, group in groupby(pictures, key=lambda picture: picture.drive):
+        part = _longest(list(group))
+        t_s = np.array([picture.t_s for picture in part]) - part[0].t_s
+        if t_s[-1] < LEAST_S:
+            continue
+        images, camera = [picture.image for picture in part], part[0].camera
+        logged = [picture.speed_mps for picture in part if picture.speed_mps is not None]
+        mean_mps = SPEEDS_MPS.get(name) or (float(np.mean(logged)) if logged else None)
+        mean_mps = mean_mps or speed_mps(images, t_s, camera)
+        if mean_mps is None:
+            continue
+        speeds = np.array(logged) if len(logged) == len(part) else np.full(len(part), mean_mps)
+        angles = [picture.steering_rad for picture in part if picture.steering_rad is not None]
+        drive = Drive(part[0].drive, images, t_s, speeds, camera)
+        yield Stretch(drive, np.array(angles) if len(angles) == len(part) else None, part[0].assumed)
+
+
+def _longest(pictures: Sequence[Picture]) -> Sequence[Picture]:
+    """The longest part without a pause."""
+    times_s = np.array([picture.t_s for picture in pictures])
+    ends = [0, *(np.flatnonzero(np.diff(times_s) > PAUSE_S) + 1).tolist(), len(pictures)]
+    first, last = max(pairwise(ends), key=lambda part: part[1] - part[0])
+    return pictures[first:last]
+
+
+def with_paths(stretches: Sequence[Stretch]) -> list[Stretch]:
+    """The ``stretches`` with the yaw rate of their steering, by one gain fitted to that in all images."""
+    steered = [one for one in stretches if one.steering_rad is not None]
+    if not steered:
+        return list(stretches)
+    seen, demanded = (np.concatenate(values) for values in zip(*map(_yaw_rates, steered), strict=True))
+    known = np.isfinite(seen)
+    gain = float(seen[known] @ demanded[known] / (demanded[known] @ demanded[known]))
+    return [
+        one
+        if one.steering_rad is None
+        else replace(
+            one, drive=replace(one.drive, given_yaw_radps=gain * one.drive.speed_mps * one.steering_rad)
+        )
+        for one in stretches
+    ]
+
+
+def _yaw_rates(stretch: Stretch) -> tuple[Array, Array]:
+    """Yaw rate in the images, and speed times steering, from frame to frame."""
+    drive, steering_rad = stretch.drive, stretch.steering_rad
+    assert steering_rad is not None
+    seen = yaw_changes_rad(drive.frames, drive.camera, np.diff(drive.station_m)) / np.diff(drive.t_s)
+    return seen, (drive.speed_mps * steering_rad)[:-1]
+
+
+def _runs(stretch: Stretch, vehicle: Vehicle) -> list[Resimulation]:
+    return [resimulate(stretch.drive, vehicle, start=start, assumed=stretch.assumed) for start in STARTS]
+
+
+def scores(stretches: Sequence[Stretch], runs: Sequence[Resimulation]) -> dict[str, float | None]:
+    """Means over the runs, the autonomy over those in which the car was engaged; the path is the recorded one."""
+    rows = [run.row() for run in runs]
+
+    def mean(name: str) -> float | None:
+        values = [float(str(row[name])) for row in rows if row[name] is not None]
+        return float(np.mean(values)) if values else None
+
+    speeds = [float(stretch.drive.speed_mps.mean()) for stretch in stretches]
+    return {
+        "runs": len(runs),
+        "duration_s": float(sum(run.duration_s for run in runs)),
+        "mean_speed_mps": float(np.mean(speeds)) if speeds else None,
+        "engaged_percent": mean("engaged_percent"),
+        "interventions": sum(run.interventions for run in runs),
+        "autonomy_where_engaged_percent": mean("autonomy_percent"),
+        "rms_from_path_m": mean("rms_offset_m"),
+        "mean_fear": mean("mean_fear"),
+        "lane_seen_percent": mean("lane_seen_percent"),
+    }

@@ -1,0 +1,91 @@
+"""The real sets and their sequences. The project ships none of them; absent ones are left out with the reason."""
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from lab.bench.real.frames import (
+    Picture,
+    cart_drive,
+    donkey_drive,
+    still,
+    stills,
+    udacity_drive,
+    video,
+)
+from lab.bench.real.labels import Labels
+from trepid.car.camera import Camera
+from trepid.config import CONFIG_DIR, ROOT, load
+
+HIGHWAY_MPS = 25.0
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Frames of one drive (or of one set of stills)."""
+
+    pictures: Callable[[Path, int], Iterator[Picture]]  # folder of the set; every n-th still or stretch
+    labels: Labels
+    speed_mps: float | None = None  # for the supervisor; None: the cruise speed of its settings
+
+
+def data_folder(given: Path | None) -> Path:
+    """``--data``, or TREPID_DATA, or ../shared/data next to the repository."""
+    return given or Path(os.environ.get("TREPID_DATA") or ROOT.parent / "shared" / "data")
+
+
+def _camvid(name: str) -> Sequence:
+    def pictures(folder: Path, every: int) -> Iterator[Picture]:
+        for split in ("train", "val"):
+            labels = folder / f"{split}_road"
+            yield from stills(folder / split, f"{name}_*.jpg", labels, ".png", every=every)
+
+    return Sequence(pictures, Labels.ROAD)
+
+
+def _tusimple(folder: Path, every: int) -> Iterator[Picture]:
+    return stills(folder / "image", "*.png", folder / "gt_instance_image", ".png")
+
+
+def _kitti(folder: Path, every: int) -> Iterator[Picture]:
+    for path in sorted((folder / "image_2").glob("um_*.png")):
+        yield still(path, label=folder / "gt_image_2" / path.name.replace("um_", "um_lane_"))
+
+
+def _stills(pattern: str, camera: str | None = None) -> Sequence:
+    """Images without labels; ``camera``: a file of config/cameras."""
+
+    def pictures(folder: Path, every: int) -> Iterator[Picture]:
+        known = load(CONFIG_DIR / "cameras" / camera, Camera) if camera else None
+        return (still(path, camera=known) for path in sorted(folder.glob(pattern)))
+
+    return Sequence(pictures, Labels.NONE, HIGHWAY_MPS)
+
+
+def _clip(name: str) -> Sequence:
+    def pictures(folder: Path, every: int) -> Iterator[Picture]:
+        return video(folder / name, every=every)
+
+    return Sequence(pictures, Labels.NONE, HIGHWAY_MPS)
+
+
+def _drive(pictures: Callable[..., Iterator[Picture]]) -> Sequence:
+    return Sequence(lambda folder, every: pictures(folder, every=every), Labels.ANGLE)
+
+
+SETS: dict[str, dict[str, Sequence]] = {
+    "camvid_road": {name: _camvid(name) for name in ("0006R0", "0016E5", "0001TP")},
+    "tusimple_lanenet": {"highway": Sequence(_tusimple, Labels.LINES, HIGHWAY_MPS)},
+    "kitti_road_tiny": {"um": Sequence(_kitti, Labels.LANE)},
+    "highway_udacity_p1": {
+        "solidWhiteRight": _clip("solidWhiteRight.mp4"),
+        "stills": _stills("test_images/*.jpg"),
+    },
+    "highway_udacity_adv": {"stills": _stills("test_images/*.jpg", "udacity_highway.yaml")},
+    "running_track_cart": {"drive": _drive(cart_drive)},
+    "donkey_sim_carpet": {"drive": _drive(donkey_drive)},
+    "donkey_indoor_track": {"drive": _drive(donkey_drive)},
+    "udacity_sim_track": {"drive": _drive(udacity_drive)},
+}
+"""Folder of the set -> name of the sequence -> its frames."""

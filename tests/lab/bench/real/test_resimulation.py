@@ -1,0 +1,76 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lab.bench.perception.unknown_camera import unknown_drive
+from lab.bench.real import resimulation
+from lab.bench.real.frames import Picture
+from lab.bench.real.resimulation import bench_resimulation, scores, stretches_of, with_paths
+from sim_harness.footage.reprojection import Shift
+from sim_harness.footage.resimulation import resimulate
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, InputError, load
+
+pytestmark = pytest.mark.long
+GAIN = 0.4  # of yaw rate over speed times steering
+
+
+def pictures(pause_s: float = 0.0, *, count: int = 160, speed_mps: float | None = None) -> list[Picture]:
+    """A rendered winding drive with a steering that its yaw rates follow from; a pause after 20 frames."""
+    drive = unknown_drive(5, 0)
+    return [
+        Picture(
+            "drive",
+            one.t_s + (pause_s if number >= 20 else 0.0),
+            one.image,
+            drive.camera,
+            steering_rad=drive.course.yaw_rate_radps(one.t_s) / drive.course.speed_mps / GAIN,
+            speed_mps=speed_mps,
+        )
+        for number, one in enumerate(drive.moments())
+        if number < count
+    ]
+
+
+def test_a_pause_ends_a_stretch_and_the_longer_part_counts():
+    (stretch,) = stretches_of("set", iter(pictures(3.0)))
+    assert len(stretch.drive.frames) == 140 and stretch.drive.t_s[0] == 0.0
+    assert list(stretches_of("set", iter(pictures(3.0, count=120)))) == []  # 5 s
+
+
+def test_the_speed_is_that_of_the_log_or_of_the_ground():
+    true_mps = unknown_drive(5, 0).course.speed_mps
+    (logged,) = stretches_of("set", iter(pictures(speed_mps=7.5)))
+    (seen,) = stretches_of("set", iter(pictures()))
+    assert set(logged.drive.speed_mps) == {7.5}
+    assert seen.drive.speed_mps[0] == pytest.approx(true_mps, rel=0.1)
+
+
+def test_the_steering_gives_the_path_by_a_gain_fitted_to_the_images():
+    drive = unknown_drive(5, 0)
+    (stretch,) = with_paths(list(stretches_of("set", iter(pictures(speed_mps=drive.course.speed_mps)))))
+    true = np.array([drive.course.yaw_rate_radps(t_s) for t_s in stretch.drive.t_s])
+    assert stretch.drive.yaw_rates_radps == pytest.approx(true, abs=0.15 * np.abs(true).max())
+
+
+def test_without_steering_the_path_is_that_of_the_images():
+    bare = [replace(one, steering_rad=None) for one in pictures(speed_mps=9.0)]
+    (stretch,) = with_paths(list(stretches_of("set", iter(bare))))
+    assert stretch.drive.given_yaw_radps is None
+
+
+def test_the_scores_are_means_over_runs_and_sums_of_interventions():
+    (stretch,) = with_paths(list(stretches_of("set", iter(pictures(speed_mps=10.4)))))
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    runs = [resimulate(stretch.drive, vehicle, start=Shift(left_m=left_m)) for left_m in (0.0, 0.5)]
+    found = scores([stretch], runs)
+    assert found["runs"] == 2 and found["interventions"] == sum(run.interventions for run in runs)
+    assert found["duration_s"] == pytest.approx(sum(run.duration_s for run in runs))
+    assert 0 <= found["engaged_percent"] <= 100 and found["mean_speed_mps"] == pytest.approx(10.4)
+
+
+def test_without_any_set_there_is_one_line(tmp_path: Path):
+    with pytest.raises(InputError, match=f"none of the sets {next(iter(resimulation.FOOTAGE))}"):
+        bench_resimulation(data=tmp_path)
