@@ -16,7 +16,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.clothoid import STANDING, Lane, Motion
 from trepid.config import Settings
 from trepid.messages import LeadVehicle
-from trepid.types import Positive
+from trepid.types import NonNegative, Positive
 
 STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
 LED_BACK_S = 2.0  # the trail is driven for a while after the road is back (modes.road_back_s)
@@ -34,6 +34,7 @@ class FollowSettings(Settings):
     max_lateral_m: Positive  # farther to the side it is on another road
     time_gap_s: Annotated[float, Field(ge=1.5)]
     standstill_gap_m: Positive
+    standstill_slack_m: NonNegative  # nearer than this to the gap the car stands instead of creeping on
     decel_mps2: Positive  # comfortable braking behind a slower lead, and of a comfort stop
     touch_m: Positive  # nearer than that is a collision
     hold_s: Positive  # a lead that is no longer detected is assumed to be there for this long
@@ -244,12 +245,14 @@ class Follower:
         """Greatest speed behind ``lead`` [m/s], inf without a lead for ``hold_s``.
 
         min((d - d0)/T, sqrt(v_lead² + 2·a·(d - d0))): keeps the time gap T and brakes behind a slower lead with at
-        most a.
+        most a. 0 where d - d0 is within the slack: (d - d0)/T alone would be crept for several T.
         """
         ahead = self._held if lead.distance_m is None else lead
         if ahead.distance_m is None:
             return math.inf
-        free_m = max(0.0, ahead.distance_m - self._settings.standstill_gap_m)
+        free_m = ahead.distance_m - self._settings.standstill_gap_m
+        if free_m <= self._settings.standstill_slack_m:
+            return 0.0
         braking_mps = math.sqrt(ahead.speed_mps**2 + 2 * self._settings.decel_mps2 * free_m)
         return min(free_m / self._settings.time_gap_s, braking_mps)
 

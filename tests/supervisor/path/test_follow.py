@@ -83,6 +83,14 @@ def test_the_speed_cap_keeps_the_time_gap_and_brakes_for_a_standing_vehicle() ->
     assert follower.speed_cap_mps(judged(None)) == math.inf
 
 
+def test_the_last_decimetres_behind_a_vehicle_are_not_crept() -> None:
+    follower, own = Follower(SETTINGS.follow, VEHICLE), SETTINGS.follow
+    end_m = own.standstill_gap_m + own.standstill_slack_m
+    assert follower.speed_cap_mps(judged(lead(end_m - 0.01, speed_mps=0.0), speed_mps=0.0)) == 0
+    before_mps = follower.speed_cap_mps(judged(lead(end_m + 0.01, speed_mps=0.0), speed_mps=0.0))
+    assert before_mps == pytest.approx((own.standstill_slack_m + 0.01) / own.time_gap_s)
+
+
 @given(st.floats(0, 60), st.floats(0, 60), st.floats(0, 20))
 @settings(max_examples=50, deadline=None)
 def test_a_nearer_lead_never_allows_more_speed(one_m: float, other_m: float, speed_mps: float) -> None:
