@@ -8,16 +8,13 @@ import hashlib
 import io
 import os
 import tarfile
-import urllib.error
-import urllib.request
 from pathlib import Path
 from typing import NamedTuple
 
 from perception.lead.boxes import BoxSettings
 from perception.lead.detection import Platt
+from perception.net.published_files import data_file, download, store
 from trepid.config import InputError
-
-TIMEOUT_S = 60.0
 
 
 class Published(NamedTuple):
@@ -66,10 +63,8 @@ high.
 
 
 def file_of(name: str) -> Path:
-    """Where the detector ``name`` is kept: below ``$XDG_DATA_HOME``, by default ``~/.local/share``."""
-    root = Path(os.environ.get("XDG_DATA_HOME", ""))
-    top = root if root.is_absolute() else Path.home() / ".local" / "share"
-    return top / "trepid" / "detectors" / f"{name}.tflite"
+    """Where the detector ``name`` is kept."""
+    return data_file("detectors", f"{name}.tflite")
 
 
 def fetched(name: str) -> Path:
@@ -86,22 +81,11 @@ def fetch(name: str) -> Path:
     """Get the detector ``name`` from its registry; its file. Raises InputError, and then leaves nothing behind."""
     published, path = PUBLISHED[name], file_of(name)
     address = f"{os.environ.get(REGISTRY_VARIABLE, REGISTRY).rstrip('/')}/{published.url}"
-    try:
-        with urllib.request.urlopen(address, timeout=TIMEOUT_S) as answer:
-            packed = answer.read()
-    except (urllib.error.URLError, OSError, ValueError) as error:
-        raise InputError(f"{address}: cannot be read: {getattr(error, 'reason', error)}") from error
+    packed = download(address)
     content = _unpacked(packed, published, address)
     if hashlib.sha256(content).hexdigest() != published.sha256:
         raise InputError(f"{address}: the SHA-256 of its detector is not that of {name}")
-    fresh = path.with_suffix(f".{os.getpid()}.new")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        fresh.write_bytes(content)
-        fresh.replace(path)
-    except OSError as error:
-        fresh.unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    store(path, content)
     return path
 
 
