@@ -73,6 +73,7 @@ class Entry:
     misfit: Callable[[Camera, Vehicle], Unfit | None] | None = None
     # for a self-calibrated camera; None: `construct` takes it as if it were known
     construct_assumed: "Callable[[Camera, Vehicle, WhichLane], Estimator] | None" = None
+    is_here: Callable[[], bool] = lambda: True  # whether the files that it needs are on this machine
 
     def build(
         self,
@@ -167,6 +168,27 @@ def _steer_net_misfit(camera: Camera, vehicle: Vehicle) -> Unfit | None:
     return Unfit(NAME, why) if why else None
 
 
+def _segments(camera: Camera, vehicle: Vehicle) -> Estimator:
+    from perception.segments.estimator import build
+
+    return build(camera, vehicle, lane_cv_settings())
+
+
+def _segments_assumed(camera: Camera, vehicle: Vehicle, finder: "WhichLane") -> Estimator:
+    from perception.segments.estimator import build
+
+    return build(camera, vehicle, lane_cv_settings(), assumed=True)
+
+
+def _has_segments() -> bool:
+    from perception.segments.settings import network_file, segment_settings
+
+    try:
+        return network_file(segment_settings()).is_file()
+    except InputError:
+        return False
+
+
 ESTIMATORS = {
     "cv": Entry(
         "lane lines or road edges, robust clothoid fit, Kalman tracking",
@@ -182,13 +204,24 @@ ESTIMATORS = {
         construct_assumed=_steer_net_assumed,
     ),
 }
-"""The estimators of the default drive; :func:`estimators` adds the pipelines."""
+"""The estimators of the default drive; :func:`estimators` adds those that a car may choose, and the pipelines."""
+
+FURTHER = {
+    "segments": Entry(
+        "lane between the boundaries that a fetched segmentation network marks (lines, drivable area)",
+        _segments,
+        source="config/segments.yaml, docs/segments.md",
+        construct_assumed=_segments_assumed,
+        is_here=_has_segments,
+    ),
+}
+"""Estimators that need a file which Trepid does not ship."""
 
 
 def estimators() -> dict[str, Entry]:
-    """Every estimator by name: ``ESTIMATORS``, the pipelines of config/pipelines.yaml, and those of other packages.
+    """Every estimator by name: ``ESTIMATORS``, ``FURTHER``, the pipelines, and those of other packages.
 
-    Raises InputError.
+    The pipelines are those of ``config/pipelines.yaml``. Raises InputError.
     """
     # Imported here: the stages take 0.4 s, which ESTIMATORS do not need.
     from perception.techniques.pipeline import Pipeline
@@ -204,7 +237,12 @@ def estimators() -> dict[str, Entry]:
         )
         for name, recipe in recipes().items()
     }
-    return _of_other_packages() | ESTIMATORS | pipelines
+    return _of_other_packages() | ESTIMATORS | FURTHER | pipelines
+
+
+def estimators_here() -> dict[str, Entry]:
+    """Those of :func:`estimators` whose files are on this machine. Raises InputError."""
+    return {name: entry for name, entry in estimators().items() if entry.is_here()}
 
 
 def _of_other_packages() -> dict[str, Entry]:
@@ -247,7 +285,7 @@ def name_of(designation: str) -> str:
 
 def _check_free(name: str, file: str) -> None:
     """Raise InputError where a driving network would have the name of another estimator."""
-    if name in ESTIMATORS or name in estimators():
+    if name in ESTIMATORS | FURTHER or name in estimators():
         raise InputError(f"{file}: {name!r} is the name of another estimator; rename the driving network")
 
 
@@ -271,7 +309,8 @@ def entry_of(name: str) -> Entry:
     """
     if name.endswith(NETWORK_SUFFIX):
         return network_entry(name_of(name), Path(name))
-    known = ESTIMATORS if name in ESTIMATORS else estimators()
+    own = ESTIMATORS | FURTHER
+    known = own if name in own else estimators()
     if name not in known:
         raise InputError(no_estimator(name, known))
     return known[name]

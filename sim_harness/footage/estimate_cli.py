@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +22,7 @@ from trepid.loudness import note
 from trepid.messages import SteeringEstimate
 from trepid.options import Car
 
-LEAD = "lead"
+LEAD, SEGMENTS = "lead", "segments"
 NO_DETECTOR = (
     "vehicles ahead are left out: the embedded detector is trained on drawn vehicles; `trepid detector list` prints"
     " others for --detector or config/lead.yaml"
@@ -120,7 +121,12 @@ def estimate(
     else:
         lanes = estimates_of(inputs, estimator, **given)
         shown = _with_note(lanes, ASSUMED) if guessed else lanes
-        show(shown, LANES, inputs, annotate=annotate, as_json=as_json)
+        sheet = LANES
+        if estimator == SEGMENTS and annotate is not None:
+            from perception.segments.overlay import masks_and_lane
+
+            sheet = replace(LANES, draw=masks_and_lane())
+        show(shown, sheet, inputs, annotate=annotate, as_json=as_json)
     return 1 if unread.count else 0
 
 

@@ -20,6 +20,10 @@ TABLE = "perception.techniques.stages"  # imports every stage, of which a pipeli
 OWN_ESTIMATORS = {
     "cv": ("perception.lane.lane_cv", ("config/perception.yaml",)),
     "cnn": ("perception.net.steer_net", ("config/steer_net.yaml", "perception/weights")),
+    "segments": (
+        "perception.segments.estimator",
+        ("config/perception.yaml", "config/segments.yaml", "config/networks"),
+    ),
 }
 
 
@@ -73,13 +77,21 @@ def estimator_fingerprint(name: str) -> str:
 
     if name in OWN_ESTIMATORS:
         root, files = OWN_ESTIMATORS[name]
-        return fingerprint(*import_closure([root]), *files, "config/vehicle.yaml")
+        own = fingerprint(*import_closure([root]), *files, "config/vehicle.yaml")
+        return f"{own}-{_network_hash()}" if name == "segments" else own
     recipe = recipes()[name]
     modules = [*PIPELINE, *(stage.entry.__module__ for stage in recipe.stages)]
     settings = [(stage.name, sorted(stage.settings.items())) for stage in recipe.stages]
     text = repr((recipe.trust, recipe.width_m, recipe.width_sigma_m, recipe.inside_m, settings))
     settings_hash = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
     return f"{fingerprint(*import_closure(modules), 'config/vehicle.yaml')}-{settings_hash}"
+
+
+def _network_hash() -> str:
+    """That of the network of the estimator `segments`, which lies outside the repository. Raises InputError."""
+    from perception.segments.settings import network_file, segment_settings
+
+    return hashlib.sha256(network_file(segment_settings()).read_bytes()).hexdigest()[:_DIGITS]
 
 
 def import_closure(modules: Iterable[str]) -> list[str]:

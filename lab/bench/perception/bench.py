@@ -13,7 +13,7 @@ from lab.bench.perception.scores import Results, parts_of, summary
 from lab.bench.perception.store import ClipStore, Pictures
 from lab.bench.perception.watch import Watched, watch
 from perception.estimators import estimators as all_estimators
-from perception.estimators import no_estimator
+from perception.estimators import estimators_here, no_estimator
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint
 from sim_harness.sweep.store import Store, finished
 from trepid.car.camera import Camera
@@ -45,7 +45,7 @@ def bench_perception(
     parts: Sequence[str] = ("set",),
     out: Path | None = None,
 ) -> dict[str, Any]:
-    """Tables of all ``parts``: scores per estimator, and details; no ``estimators`` means all of them."""
+    """Tables of all ``parts``: scores per estimator, and details; no ``estimators`` means all that run here."""
     for part in parts:
         if part not in PARTS:
             raise InputError(f"no part {part!r} of bench perception; there are {', '.join(PARTS)}")
@@ -53,7 +53,7 @@ def bench_perception(
     for name in estimators:
         if name not in known:
             raise InputError(no_estimator(name, known))
-    names = tuple(estimators or known)
+    names = tuple(estimators or estimators_here())
     found: dict[str, Any] = {}
     by_group: dict[str, Any] = {}
     if "set" in parts:

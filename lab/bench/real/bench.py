@@ -14,7 +14,7 @@ from lab.bench.real.scores import figures, wrong
 from lab.bench.real.sets import SETS, data_folder
 from lab.bench.real.sheets import evenly, reliability, sheet, worst
 from perception.estimators import estimators as all_estimators
-from perception.estimators import no_estimator
+from perception.estimators import estimators_here, no_estimator
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint, import_closure
 from sim_harness.sweep.store import Store
 from trepid.config import ROOT, InputError
@@ -39,7 +39,7 @@ def bench_real(
 
     Contact sheets, the reliability diagram and small pictures go to ``out``, by default a folder of the user's
     cache: they hold pictures of the sets. ``estimators`` are scored beside those of the supervised car; ALL are all
-    that there are. Stored sequences are not computed again. Raises InputError.
+    that run here. Stored sequences are not computed again. Raises InputError.
     """
     for name in sets:
         if name not in SETS:
@@ -70,7 +70,7 @@ def _further(names: tuple[str, ...]) -> list[str]:
     for name in names:
         if name not in known and names != ALL:
             raise InputError(no_estimator(name, known))
-    return [name for name in (known if names == ALL else names) if name not in NAMES]
+    return [name for name in (estimators_here() if names == ALL else names) if name not in NAMES]
 
 
 def _pictures_folder(out: Path | None) -> Path:

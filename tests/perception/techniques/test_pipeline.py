@@ -6,7 +6,7 @@ import pytest
 from drawn_road_rig import CAMERA, VEHICLE, road
 from technique_rig import VIEW, straight_boundaries
 
-from perception.estimators import ESTIMATORS, build, entry_of, estimators
+from perception.estimators import ESTIMATORS, FURTHER, build, entry_of, estimators
 from perception.techniques.confidence import clarity
 from perception.techniques.image.picture import Boundaries, Evidence, Features, Kind
 from perception.techniques.pipeline import Pipeline
@@ -216,7 +216,8 @@ def test_every_stage_of_the_front_end_is_in_a_pipeline_or_in_the_table_of_techni
 def test_the_list_prints_description_and_source_of_every_estimator(capsys):
     estimate(estimator="list", as_json=True)
     rows = {row["estimator"]: row for row in map(json.loads, capsys.readouterr().out.splitlines())}
-    assert set(rows) == {*ESTIMATORS, *RECIPES, "lead"} and set(estimators()) == {*ESTIMATORS, *RECIPES}
+    own = {*ESTIMATORS, *FURTHER, *RECIPES}
+    assert set(rows) == {*own, "lead"} and set(estimators()) == own
     assert all(row["description"] and row["source"] for row in rows.values())
     assert rows["canny_hough"]["stages"][0] == "roi_fixed"
     estimate(estimator="list")

@@ -1,0 +1,1 @@
+"""Lanes from the masks of a segmentation network: lane lines, drivable area."""

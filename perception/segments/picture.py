@@ -1,0 +1,48 @@
+"""Masks as a picture of a clean road, which the lane finders of ``cv`` read as they read a camera image.
+
+One owner thus decides which boundaries are those of the own lane, fits and rates them. Drivable area is grey, the
+rest green, with the mixed colour where the mask is undecided, so that the edge of the road lies where the
+probability is one half. Lines are light ridges of two pixels along the crest of their mask, as light as they are
+probable. A mask marks a line some pixels wide at every distance, so that its crest, and not its width, is the line.
+"""
+
+import cv2
+import numpy as np
+
+from perception.segments.network import Masks
+from trepid.types import Floats, Image
+
+AREA, REST, LINE = np.array([[100, 100, 100], [40, 110, 60], [255, 255, 255]], np.float32)  # BGR
+SMOOTH_PX = 5  # along a row, before its crests are taken
+LEAST = 0.2  # probability of a crest
+
+
+def drawn(masks: Masks) -> Image:
+    """The picture of ``masks``, (h, w, 3) uint8 BGR."""
+    lines, area = masks.lines, masks.area
+    shape = (lines if lines is not None else area).shape  # type: ignore[union-attr]
+    if area is None:
+        road = np.ones(shape, np.float32)
+    elif lines is None:
+        road = area
+    else:
+        road = np.maximum(area, lines)  # a line lies on the road
+    picture = _mixed(AREA, REST, road)
+    if lines is not None:
+        picture = _mixed(LINE, picture, crests(lines))
+    return picture.astype(np.uint8)
+
+
+def crests(lines: Floats) -> Floats:
+    """The probability of a line at the crests of its mask along each row, and one pixel beside; 0 elsewhere."""
+    smooth = cv2.blur(lines, (SMOOTH_PX, 1))
+    middle = smooth[:, 1:-1]
+    highest = (middle >= smooth[:, :-2]) & (middle > smooth[:, 2:]) & (middle > LEAST)
+    found = np.zeros_like(lines)
+    found[:, 1:-1] = np.where(highest, lines[:, 1:-1], 0.0)
+    return np.asarray(cv2.dilate(found, np.ones((1, 2), np.uint8)), np.float32)
+
+
+def _mixed(one: Floats, other: Floats, share: Floats) -> Floats:
+    """``share`` of the colour ``one``, the rest of ``other``."""
+    return other + share[..., None] * (one - other)

@@ -1,0 +1,52 @@
+"""``config/segments.yaml``, and where a segmentation network and its description lie."""
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from perception.lane.settings import ConfidenceSettings
+from perception.net.published_files import data_file
+from perception.segments.network import SegmentNetwork
+from trepid.config import CONFIG_DIR, InputError, Settings, default_file, default_names, load, resource
+from trepid.spelling import did_you_mean_or_list
+
+FOLDER = "networks"  # of descriptions in config/ or the folder of a car, and of fetched files
+
+
+class SegmentSettings(Settings):
+    """``config/segments.yaml``."""
+
+    network: Annotated[str, Field(pattern=r"^[A-Za-z0-9][\w.-]*$")]
+    file: str | None = None
+    confidence: ConfidenceSettings
+
+
+def segment_settings() -> SegmentSettings:
+    """``config/segments.yaml``. Raises InputError."""
+    return load(CONFIG_DIR / "segments.yaml", SegmentSettings)
+
+
+def described(name: str) -> SegmentNetwork:
+    """The description of the network ``name``. Raises InputError, with the nearest name for an unknown one."""
+    known = default_names(FOLDER)
+    if name not in known:
+        raise InputError(f"no network {name!r}; {did_you_mean_or_list(name, known, 'trepid networks list')}")
+    return load(default_file(f"{FOLDER}/{name}.yaml"), SegmentNetwork)
+
+
+def fetched_file(name: str) -> Path:
+    """Where the fetched network ``name`` is kept."""
+    return data_file(FOLDER, f"{name}.onnx")
+
+
+def network_file(settings: SegmentSettings) -> Path:
+    """The file of the network that ``settings`` choose. Raises InputError where there is none."""
+    if settings.file is not None:
+        return resource(Path(settings.file))
+    path = fetched_file(settings.network)
+    if not path.is_file():
+        raise InputError(
+            f"network {settings.network}: not on this machine; `trepid networks fetch {settings.network}` gets it"
+        )
+    return path

@@ -1,0 +1,124 @@
+"""The estimator `segments`: the lane of a drawn road from masks of its colours."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
+from segment_rig import segmenter, write_network
+
+from perception.estimators import entry_of
+from perception.lane.lane_cv import LaneCv
+from perception.segments.estimator import LaneOfPictures, Segments
+from perception.segments.settings import described, network_file, segment_settings
+from trepid.config import InputError
+from trepid.messages import Frame, SteeringEstimate
+
+LOOKAHEAD_M = SETTINGS.steering.lookahead_m
+
+
+def known(folder: Path, **changes: object) -> Segments:
+    return Segments(segmenter(folder, **changes), LaneCv(SETTINGS, CAMERA, VEHICLE), lookahead_m=LOOKAHEAD_M)
+
+
+def look(estimator: Segments, image: np.ndarray, frames: int = 1) -> SteeringEstimate:
+    for number in range(frames):
+        seen = estimator.step(Frame(t_s=number / 25, image=image), None, now_s=number / 25)
+    return seen
+
+
+@pytest.mark.parametrize("lane", [(0.0, 0.0, 0.0, 0.0), (0.4, -0.05, 0.0, 0.0), (-0.3, 0.0, 0.01, 0.0)])
+def test_the_lane_between_two_lines_is_measured(lane: tuple[float, ...], tmp_path: Path) -> None:
+    seen = look(known(tmp_path), road(lane))
+    assert seen.estimator == "segments" and seen.lanes_detected == 2 and seen.confidence > 0.4
+    assert seen.lateral_offset_m == pytest.approx(lane[0], abs=0.1)
+    assert seen.heading_error_rad == pytest.approx(lane[1], abs=0.02)
+    assert seen.curvature_1pm == pytest.approx(lane[2], abs=0.003)
+    assert seen.lane_width_m == pytest.approx(3.4, abs=0.15)
+
+
+def test_boundaries_lie_on_the_lines_in_the_pixels_of_the_image(tmp_path: Path) -> None:
+    seen = look(known(tmp_path), road((0.2, 0.02, 0.0, 0.0)))
+    truth = LaneCv(SETTINGS, CAMERA, VEHICLE).step(
+        Frame(t_s=0.0, image=road((0.2, 0.02, 0.0, 0.0))), None, now_s=0.0
+    )
+    for mine, other in (
+        (seen.left_boundary_px, truth.left_boundary_px),
+        (seen.right_boundary_px, truth.right_boundary_px),
+    ):
+        (x, y), (true_x, true_y) = np.array(mine).T, np.array(other).T
+        rows = np.arange(max(y.min(), true_y.min()) + 20, min(y.max(), true_y.max()), 10.0)
+        off = np.interp(rows, y[::-1], x[::-1]) - np.interp(rows, true_y[::-1], true_x[::-1])
+        assert len(rows) > 10 and np.abs(off).max() < 6.0
+
+
+def test_a_road_without_lines_is_measured_by_its_edges(tmp_path: Path) -> None:
+    image = road((0.1, 0.0, 0.0, 0.0), width_m=3.2, left=None, right=None, verge_m=0.4)
+    seen = look(known(tmp_path), image, frames=8)
+    assert seen.marked is False and seen.lateral_offset_m == pytest.approx(0.1, abs=0.2)
+
+
+def test_a_network_of_lines_alone_suffices(tmp_path: Path) -> None:
+    seen = look(known(tmp_path, area=None), road((0.2, 0.0, 0.0, 0.0)))
+    assert seen.lanes_detected == 2 and seen.lateral_offset_m == pytest.approx(0.2, abs=0.1)
+
+
+def test_the_mirrored_image_has_the_mirrored_lane(tmp_path: Path) -> None:
+    image = road((0.3, 0.04, 0.005, 0.0))
+    seen, mirrored = look(known(tmp_path), image), look(known(tmp_path), image[:, ::-1])
+    assert mirrored.lateral_offset_m == pytest.approx(-seen.lateral_offset_m, abs=0.05)
+    assert mirrored.road_wheel_angle_rad == pytest.approx(-seen.road_wheel_angle_rad, abs=0.01)
+
+
+def test_an_image_without_a_road_gives_no_lane(tmp_path: Path) -> None:
+    seen = look(known(tmp_path), np.full((CAMERA.height_px, CAMERA.width_px, 3), (60, 120, 80), np.uint8))
+    assert seen.lateral_offset_m is None and seen.confidence == 0.0 and seen.reason
+
+
+@pytest.mark.parametrize("image", [np.zeros((8, 8, 3), np.uint8), np.zeros((480, 640, 3), np.float32)])
+def test_an_unusable_image_gives_the_reason(image: np.ndarray, tmp_path: Path) -> None:
+    seen = look(known(tmp_path), image)
+    assert seen.estimator == "segments" and seen.lateral_offset_m is None and "image" in seen.reason
+
+
+@pytest.mark.parametrize("pitch_rad", [0.02, 0.14])
+def test_without_a_camera_file_the_lines_of_the_masks_give_the_horizon(
+    pitch_rad: float, tmp_path: Path
+) -> None:
+    camera = CAMERA.model_copy(update={"pitch_down_rad": pitch_rad, "height_m": 1.4})
+    image = road((0.1, 0.0, 0.0, 0.0), camera=camera)
+    finder = LaneOfPictures(SETTINGS, VEHICLE)
+    seen = look(Segments(segmenter(tmp_path), finder, lookahead_m=LOOKAHEAD_M), image)
+    assert finder.camera is not None
+    scale = camera.width_px / finder.camera.width_px
+    assert finder.camera.horizon_row_px * scale == pytest.approx(camera.horizon_row_px, abs=25)
+    assert seen.lanes_detected == 2 and seen.confidence > 0.5
+    left, right = (np.array(path) for path in (seen.left_boundary_px, seen.right_boundary_px))
+    assert left[0, 0] < camera.width_px / 2 < right[0, 0]
+
+
+def test_a_network_that_was_not_fetched_is_named_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    with pytest.raises(InputError, match="`trepid networks fetch twinlitenet` gets it"):
+        network_file(segment_settings())
+
+
+def test_an_unknown_network_is_named_with_the_nearest_one() -> None:
+    with pytest.raises(InputError, match="no network 'twinlitnet'; did you mean 'twinlitenet'"):
+        described("twinlitnet")
+
+
+def test_a_car_brings_a_network_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "networks").mkdir()
+    write_network(tmp_path / "colours.onnx")
+    (tmp_path / "networks" / "mine.yaml").write_text(
+        "description: mine\nsource: me\nlicence: MIT\ninput: {name: x, width: 320, height: 192}\n"
+        "lines: {output: lines, channels: [1]}\narea: {output: area, channels: [1]}\n"
+    )
+    (tmp_path / "segments.yaml").write_text("network: mine\nfile: colours.onnx\n")
+    monkeypatch.setenv("TREPID_CAR", str(tmp_path))
+    own = entry_of("segments").build(CAMERA, VEHICLE)
+    seen = own.step(Frame(t_s=0.0, image=road((0.2, 0.0, 0.0, 0.0))), None, now_s=0.0)
+    assert seen.lateral_offset_m == pytest.approx(0.2, abs=0.1)
