@@ -69,6 +69,9 @@ VERBS = {
         "cockpit.calibration.camera_cli", help="Calibrate a camera: its lens and how it is mounted."
     ),
     "detector": Verb("perception.lead.detector_cli", help="Detectors of vehicles on real roads."),
+    "networks": Verb(
+        "learning.segments.cli", help="Segmentation networks of lane lines and drivable area, for real roads."
+    ),
     "calibrate": Verb("cockpit.calibration.rc_cli", help="Calibrate the pulses of an RC car, live."),
     "fear": Verb("cockpit.rulebook.cli", help="Check, show and explain fuzzy rule files."),
     "vehicle": Verb(
