@@ -59,6 +59,7 @@ WHY = {
     "edge_doubt": "trodden snow shows false edges in places; a road without lines shows its edges all along",
     "brightness": "dark images contain no road",
     "contrast": "fog, a fogged lens or a wall leave no features",
+    "relative_contrast": "falls evenly as snow closes over road and verge; patches hide lines in one frame only",
     "over_exposed": "white pixels contain no road: low sun, tunnel exit",
     "under_exposed": "black pixels contain no road",
     "sharpness": "out of focus, or a drop on the lens: edges and lines are lost",

@@ -100,7 +100,12 @@ def bench(
         float | None, typer.Option(min=20.0, help="soak: length of the drive [s]; default: 1800.")
     ] = None,
     wires: Annotated[str, typer.Option(help="faults: sim, can, separated by commas; default: both.")] = "",
-    faults: Annotated[str, typer.Option(help="faults: names, separated by commas; default: all.")] = "",
+    faults: Annotated[
+        str,
+        typer.Option(
+            help="faults: names, separated by commas; fear-severity: of disturbances and faults; default: all."
+        ),
+    ] = "",
 ) -> int:
     """Measure time and accuracy of the parts, relative to a peer in the same run."""
     if list_only:

@@ -40,6 +40,7 @@ EARLY_FEATURES = frozenset(
     {
         *("frame_age", "estimator_age", "state_age", "state_doubt", "speed", "saturated", "turn_excess"),
         *IMAGE_FEATURES,
+        "relative_contrast",
         *("lane_width", "lane_width_error", "unmarked", "edge_doubt"),
         *("lead_confidence", "lead_distance", "time_gap"),
     }
@@ -116,7 +117,15 @@ def early_features(
     found["time_gap"] = _time_gap(lead, speed_mps)
     numbers = _LOST_STATISTICS if statistics is None else _STATISTICS(statistics)
     found.update(zip(IMAGE_FEATURES, numbers, strict=True))
+    found["relative_contrast"] = _relative_contrast(statistics)
     return found
+
+
+def _relative_contrast(statistics: ImageStatistics | None) -> float | None:
+    """Standard deviation of grey over its mean: a contrast that exposure does not change; 0 of a black image."""
+    if statistics is None:
+        return None
+    return statistics.contrast / statistics.brightness if statistics.brightness != 0.0 else 0.0
 
 
 def _add(found: Features, name: str, value: float | None, worst: Callable[[float, float], float]) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from lab.bench.chosen import known_names
 from lab.bench.severity.drive import Task, driven_row
 from lab.bench.severity.stresses import GRADES, NOTHING, STRESSES
 from sim_harness.sweep.store import Row, stored_rows
@@ -31,26 +32,38 @@ Cells = Mapping[tuple[str, str, float, int], list[Row]]
 
 
 def bench_severity(
-    seed: int, *, count: int | None = None, jobs: int = 1, quick: bool = False
+    seed: int,
+    *,
+    count: int | None = None,
+    jobs: int = 1,
+    quick: bool = False,
+    faults: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Falls of fear, right causes, and mean fear of every stress; ``count``: roads of each kind and speed."""
+    """Falls of fear, right causes, and mean fear of every stress.
+
+    ``count``: roads of each kind and speed; ``faults``: names of the stresses, by default all of STRESSES.
+    Raises InputError for an unknown name.
+    """
+    names = known_names(faults, STRESSES, "disturbance or fault") or tuple(STRESSES)
     grades, speeds_mps = (QUICK_GRADES, QUICK_SPEEDS_MPS) if quick else (GRADES, SPEEDS_MPS)
     tasks = {
         task.key: task
         for number in range(count or SEEDS)
         for road in ROADS
         for speed_mps in speeds_mps
-        for task in _tasks(grades, road, speed_mps, 1000 * seed + number)
+        for task in _tasks(names, grades, road, speed_mps, 1000 * seed + number)
     }
     path = WORK_DIR / "runs" / f"severity_{seed}.jsonl"
     return summary(stored_rows(path, driven_row, tasks, jobs=jobs))
 
 
-def _tasks(grades: Iterable[int], road: str, speed_mps: float, seed: int) -> Iterator[Task]:
+def _tasks(
+    names: Iterable[str], grades: Iterable[int], road: str, speed_mps: float, seed: int
+) -> Iterator[Task]:
     """The drives on one road; those that share their images follow each other."""
     yield Task(NOTHING, 0, road, speed_mps, seed)
-    names = sorted(STRESSES, key=lambda name: not STRESSES[name].behind_camera)
-    yield from (Task(name, grade, road, speed_mps, seed) for name in names for grade in grades if grade)
+    in_turn = sorted(names, key=lambda name: not STRESSES[name].behind_camera)
+    yield from (Task(name, grade, road, speed_mps, seed) for name in in_turn for grade in grades if grade)
 
 
 def summary(rows: list[Row]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import pytest
 from supervisor_rig import ESTIMATE, STATE, STATISTICS
 
 from supervisor.rules.inference import FearRules
+from supervisor.rules.proofs import calmest
 from supervisor.situation.features import BEYOND, _first_root
 from supervisor.situation.world_state import WorldState, WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
@@ -94,3 +95,23 @@ def test_a_network_has_little_trust_on_a_white_image_at_any_confidence() -> None
     assert world.trust["cnn"] < 0.1 and world.trust["cv"] == 1.0
     assert world.features["lane_confidence"] == pytest.approx(0.3)
     assert world.fused.trust[0] > 0.8
+
+
+@pytest.mark.parametrize("exposure", [0.25, 1.0, 1.6])
+def test_the_relative_contrast_does_not_depend_on_the_exposure(exposure: float) -> None:
+    dim = replace(STATISTICS, brightness=0.5 * exposure, contrast=0.12 * exposure)
+    assert observed(statistics=dim).features["relative_contrast"] == pytest.approx(0.24)
+    assert observed(statistics=replace(STATISTICS, brightness=0.0)).features["relative_contrast"] == 0.0
+    lost = replace(STATISTICS, brightness=math.nan)
+    assert math.isnan(observed(statistics=lost).features["relative_contrast"] or 0.0)
+
+
+def test_a_flat_image_raises_fear_with_its_flatness_only_where_the_network_wanders() -> None:
+    calm = calmest(RULES)
+    flat = [
+        RULES.evaluate(calm | {"relative_contrast": c, "cnn_path_jitter": 0.15})
+        for c in (0.3, 0.24, 0.2, 0.1)
+    ]
+    assert [r.fear for r in flat] == sorted({r.fear for r in flat}) and flat[0].fear == 0.0
+    assert {r.cause for r in flat[1:]} == {"weak_edges"}
+    assert RULES.evaluate(calm | {"relative_contrast": 0.1, "cnn_path_jitter": 0.05}).fear == 0.0

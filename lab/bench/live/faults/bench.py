@@ -8,7 +8,7 @@ same command continues an interrupted run. Ctrl-C ends it with the figures so fa
 
 import math
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from itertools import chain, islice
@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from lab.bench.chosen import known_names
 from lab.bench.live.faults.catalogue import FAULTS, WIRES, Act, Fault
 from lab.bench.live.faults.flow import BY_ITSELF, KEPT, NOT_AT_ALL, RENEWED, driven
 from sim_harness.sweep.fingerprint import fingerprint, import_closure
 from sim_harness.sweep.progress import SweepProgress
 from sim_harness.sweep.store import Row, Store
 from trepid.config import WORK_DIR, InputError
-from trepid.spelling import did_you_mean
 
 COUNT = 100
 TARGET_P99_MS, TARGET_WORST_MS = 100.0, 300.0
@@ -44,8 +44,8 @@ def bench_faults(
     count: int = COUNT, wires: tuple[str, ...] = (), faults: tuple[str, ...] = (), jobs: int = 1
 ) -> Row:
     """Reaction time, lane, ends, recordings by fault, for each wire."""
-    chosen = [FAULTS[name] for name in known(faults, FAULTS, "fault") or FAULTS]
-    over = known(wires, WIRES, "wire") or WIRES
+    chosen = [FAULTS[name] for name in known_names(faults, FAULTS, "fault") or FAULTS]
+    over = known_names(wires, WIRES, "wire") or WIRES
     tasks = [
         (wire, fault, n) for n in range(count) for wire in over for fault in chosen if wire in fault.wires
     ]
@@ -55,15 +55,6 @@ def bench_faults(
             fill(store, code, tasks, jobs)
         rows = [row for task in tasks if (row := store.get(case(task), code))]
     return {"episodes": f"{len(rows)} of {len(tasks)}", **table(rows)}
-
-
-def known(names: Iterable[str], among: Iterable[str], what: str) -> tuple[str, ...]:
-    """``names``. Raises InputError for an unknown one."""
-    every = ", ".join(among)
-    for name in names:
-        if name not in among:
-            raise InputError(f"no {what} {name!r}; {did_you_mean(name, among, f'there are {every}')}")
-    return tuple(names)
 
 
 def case(task: Task) -> str:

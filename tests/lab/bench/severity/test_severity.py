@@ -6,14 +6,14 @@ from pathlib import Path
 import cv2
 import pytest
 
-from lab.bench.severity.bench import DETAILS, draw, falls, summary
+from lab.bench.severity.bench import DETAILS, bench_severity, draw, falls, summary
 from lab.bench.severity.drive import Task, driven_row, scenario_of
 from lab.bench.severity.stresses import GRADES, NOTHING, STRESSES, stress_of
 from sim_harness.scenarios import faults
 from sim_harness.sweep.store import Row
 from sim_harness.world.roads.disturbances import DisturbanceKind
 from supervisor.rules.inference import FearRules
-from trepid.config import CONFIG_DIR
+from trepid.config import CONFIG_DIR, InputError
 
 BAND = FearRules.load(CONFIG_DIR / "fear.yaml").file.hysteresis.band
 
@@ -87,3 +87,8 @@ def test_a_car_on_rails_fears_lost_lanes_and_nothing_else() -> None:
     )
     assert (calm["mean"], calm["causes"]) == (0.0, {})
     assert blind["mean"] == 1.0 and set(blind["causes"]) == {"no_road"}
+
+
+def test_an_unknown_stress_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(InputError, match="no disturbance or fault 'snwo'; did you mean 'snow'"):
+        bench_severity(1, faults=("snwo",))
