@@ -69,6 +69,11 @@ class HiddenRoad:
         self._camera, self._settings = camera, settings
         self._edges = UprightEdges(camera, settings)
         self._road_from_pixel = np.linalg.inv(camera.pixel_from_road_matrix)
+        below = [row > self._horizon_px for row in range(camera.height_px)]
+        self._rows_m = np.array(
+            [self._distance_m(row) if is_below else math.nan for row, is_below in enumerate(below)]
+        )
+        self._per_m = (camera.fx_px / self._rows_m).tolist()
 
     def end(self, image: Image, path: Path) -> End | None:
         """The nearest end of the sight along ``path``; None without one.
@@ -82,10 +87,17 @@ class HiddenRoad:
         edges = self._edges.find(image)
         if not edges:
             return None
-        ends = [*self._in_the_lane(image, path, edges), *self._beside_it(image, path, edges)]
+        columns_px = path.column_at(self._rows_m + self._camera.x_m).tolist()
+        ends = [
+            *self._in_the_lane(image, path, columns_px, edges),
+            *self._beside_it(image, path, columns_px, edges),
+        ]
         return min(ends, default=None)
 
-    def _in_the_lane(self, image: Image, path: Path, edges: list[Edge]) -> Iterator[End]:
+    def _in_the_lane(
+        self, image: Image, path: Path, columns_px: list[float], edges: list[Edge]
+    ) -> Iterator[End]:
+        """Ends at things between two sides; ``columns_px``: of the lane in every row, NaN above the horizon."""
         least_m, most_m = self._settings.vehicle_m
         for i, left in enumerate(edges):
             for right in edges[i + 1 :]:
@@ -97,7 +109,7 @@ class HiddenRoad:
                     break
                 if width_m < least_m or not self._is_ahead(path, left, right, distance_m, BASE_UNKNOWN_M):
                     continue
-                base_row = self._base_row(image, path, left, right, math.ceil(row))
+                base_row = self._base_row(image, path, columns_px, left, right, math.ceil(row))
                 if base_row is None:
                     continue
                 distance_m = self._distance_m(base_row)
@@ -112,13 +124,15 @@ class HiddenRoad:
         column_px = self._column(path, distance_m)
         return left.column_px - error_px < column_px < right.column_px + error_px
 
-    def _base_row(self, image: Image, path: Path, left: Edge, right: Edge, last: int) -> float | None:
+    def _base_row(
+        self, image: Image, path: Path, columns_px: list[float], left: Edge, right: Edge, last: int
+    ) -> float | None:
         """The row up to which nothing between two sides looks as the road before it; None where something does.
 
         The sides end in row ``last`` or above it.
         """
         before_m = self._distance_m(last + LEAST_ROWS), self._distance_m(last + LEAST_ROWS + SAMPLE_ROWS)
-        look = Look.of(self._ground(image, path, (-ROAD_HALF_M, ROAD_HALF_M), before_m))
+        look = Look.of(self._ground(image, columns_px, (-ROAD_HALF_M, ROAD_HALF_M), before_m))
         if look is None:
             return None
         first = round(self._horizon_px) + GRAIN_PX
@@ -137,7 +151,9 @@ class HiddenRoad:
         base_row = first + int(found[-1]) - 0.5 + _covered(rows[: found[-1] + 1], look.mean)
         return base_row if self._distance_m(base_row) <= self._settings.far_m else None
 
-    def _beside_it(self, image: Image, path: Path, edges: list[Edge]) -> Iterator[End]:
+    def _beside_it(
+        self, image: Image, path: Path, columns_px: list[float], edges: list[Edge]
+    ) -> Iterator[End]:
         """Ends behind the nearest side on the left and on the right of the lane."""
         left_m = self._left_m(path, edges)
         for side in (1.0, -1.0):
@@ -158,7 +174,7 @@ class HiddenRoad:
                 distance_m = min(distance_m, near_m * (1.0 + 1.0 / bends))
             if distance_m > 2.0 * self._settings.far_m:
                 continue
-            if bends >= self._settings.bend_share or self._is_lost(image, path, near_m, side):
+            if bends >= self._settings.bend_share or self._is_lost(image, columns_px, near_m, side):
                 yield End(distance_m, self._settings.wall_sigma)
 
     def _hides_horizon(self, image: Image, edge: Edge, side: float) -> bool:
@@ -191,16 +207,19 @@ class HiddenRoad:
         slope = (path.y_m[1] - path.y_m[0]) / (path.x_m[1] - path.x_m[0])
         return side * float(path.left_m(np.array(x_m)) - path.y_m[0] - slope * x_m)
 
-    def _is_lost(self, image: Image, path: Path, near_m: float, side: float) -> bool:
+    def _is_lost(self, image: Image, columns_px: list[float], near_m: float, side: float) -> bool:
         """Whether the lane looks as the ground beside it in a row between a wall and the end of the sight."""
         outside = (-BESIDE_M[1], -BESIDE_M[0]) if side > 0 else BESIDE_M
-        road = Look.of(self._ground(image, path, (-ROAD_HALF_M, ROAD_HALF_M)))
-        beside = Look.of(self._ground(image, path, outside))
+        road = Look.of(self._ground(image, columns_px, (-ROAD_HALF_M, ROAD_HALF_M)))
+        beside = Look.of(self._ground(image, columns_px, outside))
         if road is None or beside is None or road.apart(beside) < self._settings.least_apart:
             return False
         first = max(self._row(FARTHEST * near_m), round(self._horizon_px) + GRAIN_PX)
         last = self._row(NEAREST * near_m) + 1
-        strips = (self._strip(image, path, row, (-ROAD_HALF_M, ROAD_HALF_M)) for row in range(first, last))
+        last = min(last, len(image))
+        strips = (
+            self._strip(image, columns_px, row, (-ROAD_HALF_M, ROAD_HALF_M)) for row in range(first, last)
+        )
         rows = [strip for strip in strips if len(strip)]
         if not rows:
             return False
@@ -214,20 +233,21 @@ class HiddenRoad:
     def _ground(
         self,
         image: Image,
-        path: Path,
+        columns_px: list[float],
         between_m: tuple[float, float],
         from_to_m: tuple[float, float] = SAMPLE_M,
     ) -> Array:
         """Colours (n, 3) of the ground at lateral distances from the lane, left positive, from far to near."""
         first, last = map(self._row, from_to_m)
         rows = range(first, min(last, len(image)), max((last - first) // SAMPLE_ROWS, 1))
-        parts = [self._strip(image, path, row, between_m) for row in rows]
+        parts = [self._strip(image, columns_px, row, between_m) for row in rows]
         return np.concatenate([np.empty((0, 3)), *parts])
 
-    def _strip(self, image: Image, path: Path, row: int, between_m: tuple[float, float]) -> Image:
+    def _strip(
+        self, image: Image, columns_px: list[float], row: int, between_m: tuple[float, float]
+    ) -> Image:
         """The pixels of a row between lateral distances from the lane, left positive."""
-        distance_m = self._distance_m(row)
-        column_px, per_m = self._column(path, distance_m), self._camera.fx_px / distance_m
+        column_px, per_m = columns_px[row], self._per_m[row]
         if not math.isfinite(column_px):
             return image[row, :0]
         width = image.shape[1]
