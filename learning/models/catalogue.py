@@ -30,19 +30,21 @@ MODELS: dict[str, Model] = {
     "steer-motion": Model("steer", "motion", 60, 80, "gaussian", 171_846, "Trepid", recurrent=True),
     "steer-lstm": Model("steer", "lstm", 60, 80, "gaussian", 182_238, "Trepid", recurrent=True),
     "pilotnet": Model(
-        "pilotnet", "pilotnet", 100, 200, "regression", 252_219, "Bojarski et al. 2016, DAVE-2; N01"
+        "papers", "pilotnet", 100, 200, "regression", 252_219, "Bojarski et al. 2016, DAVE-2; N01"
     ),
     "chen-huang": Model(
-        "chen_huang", "chen_huang", 160, 320, "regression", 7_662_805, "Chen and Huang 2017; N07"
+        "papers", "chen_huang", 160, 320, "regression", 7_662_805, "Chen and Huang 2017; N07"
     ),
-    "rausch": Model("rausch", "rausch", 80, 160, "regression", 730_461, "Rausch et al. 2017; N08"),
-    "jain": Model("jain", "jain", 8, 16, "categorical", 5_316, "Jain 2018; N10"),
-    "donkey-linear": Model("donkey", "linear", 120, 160, "regression", 816_977, "donkeycar, KerasLinear"),
+    "rausch": Model("papers", "rausch", 80, 160, "regression", 730_461, "Rausch et al. 2017; N08"),
+    "jain": Model("papers", "jain", 8, 16, "categorical", 5_316, "Jain 2018; N10"),
+    "donkey-linear": Model(
+        "papers", "donkey_linear", 120, 160, "regression", 816_977, "donkeycar, KerasLinear"
+    ),
     "donkey-categorical": Model(
-        "donkey", "categorical", 120, 160, "categorical", 267_291, "donkeycar, KerasCategorical"
+        "papers", "donkey_categorical", 120, 160, "categorical", 267_291, "donkeycar, KerasCategorical"
     ),
     "cnn-lstm": Model(
-        "cnn_lstm",
+        "papers",
         "cnn_lstm",
         60,
         80,
@@ -52,15 +54,21 @@ MODELS: dict[str, Model] = {
         recurrent=True,
     ),
     "inception-v3": Model(
-        "paper", "inception_v3", 240, 320, "regression", 23_884_769, "Deep Steer, fig. 8; N13"
+        "deep_steer", "inception_v3", 240, 320, "regression", 23_884_769, "Deep Steer, fig. 8; N13"
     ),
-    "vgg16": Model("paper", "vgg16", 240, 320, "regression", 15_241_025, "Deep Steer; N13"),
-    "vgg19": Model("paper", "vgg19", 240, 320, "regression", 20_550_721, "Deep Steer; N13"),
+    "vgg16": Model("deep_steer", "vgg16", 240, 320, "regression", 15_241_025, "Deep Steer; N13"),
+    "vgg19": Model("deep_steer", "vgg19", 240, 320, "regression", 20_550_721, "Deep Steer; N13"),
     "inception-rnn-as-printed": Model(
-        "paper", "rnn_as_printed", 240, 320, "regression", 24_031_457, "Deep Steer, fig. 22: length 1; N16"
+        "deep_steer",
+        "rnn_as_printed",
+        240,
+        320,
+        "regression",
+        24_031_457,
+        "Deep Steer, fig. 22: length 1; N16",
     ),
     "inception-rnn": Model(
-        "paper",
+        "deep_steer",
         "rnn",
         240,
         320,

@@ -8,14 +8,18 @@ torch = pytest.importorskip("torch", reason="networks need the extra: pip instal
 
 from learning.models.catalogue import MODELS, build, model  # noqa: E402
 from learning.models.efficientnet import EfficientNetLite0  # noqa: E402
-from learning.models.inception import InceptionV3  # noqa: E402
+from learning.models.imagenet import (  # noqa: E402
+    VGG,
+    VGG16,
+    VGG19,
+    InceptionV3,
+)
 from learning.models.parts.heads import BINS, HEADS, Categorical  # noqa: E402
 from learning.models.parts.memory import LSTM, SimpleRNN  # noqa: E402
 from learning.models.parts.motion import Shift, Standardised  # noqa: E402
 from learning.models.parts.network import Exported, Size  # noqa: E402
 from learning.models.parts.view import View  # noqa: E402
 from learning.models.parts.weights import load_trunk  # noqa: E402
-from learning.models.vgg import VGG, VGG16, VGG19  # noqa: E402
 from trepid.config import InputError  # noqa: E402
 
 SMALL = {

@@ -1,8 +1,13 @@
-"""The trunk of InceptionV3 (Szegedy et al., Rethinking the Inception Architecture, CVPR 2016), without classifier.
+"""Trunks that have learned ImageNet, without classifier: InceptionV3, VGG16, VGG19.
 
-Frame 240 x 320 -> 6 x 8 x 2048. 21 785 568 weights in the layout of torchvision's ``inception_v3``; Keras counts
+InceptionV3 (Szegedy et al., Rethinking the Inception Architecture, CVPR 2016):
+frame 240 x 320 -> 6 x 8 x 2048. 21 785 568 weights in the layout of torchvision's ``inception_v3``; Keras counts
 21 802 784, because it has no gain in its batch normalisation and counts its two statistics instead: one number more
 for each of the 17 216 channels.
+
+VGG16 and VGG19 (Simonyan and Zisserman, Very Deep Convolutional Networks, ICLR 2015):
+frame 240 x 320 -> 7 x 10 x 512; 14 714 688 and 20 024 384 weights in the layout of torchvision's ``vgg16`` and
+``vgg19`` (``features.…``).
 """
 
 from typing import Any
@@ -172,3 +177,26 @@ class InceptionV3(nn.Sequential):
 
 def _pooled(x: Tensor) -> Tensor:
     return nn.functional.avg_pool2d(x, 3, 1, 1)
+
+
+VGG16 = (2, 2, 3, 3, 3)
+VGG19 = (2, 2, 4, 4, 4)
+VGG_CHANNELS = (64, 128, 256, 512, 512)
+
+
+class VGG(nn.Module):
+    """Convolutions 3x3 in five groups, each followed by a pool of 2x2; ``repeats``: convolutions in a group."""
+
+    def __init__(self, repeats: tuple[int, ...]) -> None:
+        super().__init__()
+        layers: list[nn.Module] = []
+        before = 3
+        for count, channels in zip(repeats, VGG_CHANNELS, strict=True):
+            for _ in range(count):
+                layers += [nn.Conv2d(before, channels, 3, padding=1), nn.ReLU()]
+                before = channels
+            layers.append(nn.MaxPool2d(2))
+        self.features = nn.Sequential(*layers)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return self.features(x)

@@ -2,7 +2,7 @@
 
 Frame 240 x 320, RGB. Top: global average pool, dense 1024 with ReLU, one linear output [rad].
 
-    InceptionV3: 21 785 568 + 2 098 176 + 1 025 = 23 884 769 (Keras: 23 901 985, see learning.models.inception)
+    InceptionV3: 21 785 568 + 2 098 176 + 1 025 = 23 884 769 (Keras: 23 901 985, see learning.models.imagenet)
     VGG16:       14 714 688 +   525 312 + 1 025 = 15 241 025
     VGG19:       20 024 384 +   525 312 + 1 025 = 20 550 721
 
@@ -15,12 +15,11 @@ The weights of the trunk are random unless the recipe names a file for ``weights
 
 from torch import Tensor, nn
 
-from learning.models.inception import InceptionV3
+from learning.models.imagenet import VGG, VGG16, VGG19, InceptionV3
 from learning.models.parts.heads import Head
 from learning.models.parts.memory import SimpleRNN
 from learning.models.parts.network import Size, SteeringNetwork, glorot
 from learning.models.parts.view import View
-from learning.models.vgg import VGG, VGG16, VGG19
 
 DENSE = 1024
 UNITS = 128
