@@ -14,7 +14,7 @@ from perception.lane.model.fit import FitSettings
 from perception.lane.model.prediction import TrackSettings
 from perception.lane.model.prior import PriorSettings
 from perception.lane.street.settings import StreetSettings
-from trepid.config import Settings
+from trepid.config import CONFIG_DIR, Settings, load
 from trepid.types import NonNegative, Positive, Share
 
 
@@ -46,9 +46,10 @@ class ConfidenceSettings(Settings):
 
 
 class SteeringSettings(Settings):
-    """Section ``steering`` of ``config/perception.yaml``."""
+    """Section ``steering`` of ``config/perception.yaml``: what all estimators share."""
 
     lookahead_m: Positive
+    min_confidence: Share
 
 
 class UnknownCameraSettings(Settings):
@@ -99,3 +100,8 @@ class LaneCvSettings(Settings):
     street: StreetSettings
     camera_check: CameraCheckSettings
     edges: EdgeSettings
+
+
+def steering_settings() -> SteeringSettings:
+    """The section ``steering`` of ``config/perception.yaml``. Raises InputError."""
+    return load(CONFIG_DIR / "perception.yaml", LaneCvSettings).steering

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, ValidationError
 
+from perception.lane.settings import steering_settings
 from perception.net.session import RUN_FAILURES, InferenceSession, line_of, open_session
 from perception.net.steer_net import ahead_sigma_m
 from trepid.car.vehicle import Vehicle
@@ -33,8 +34,6 @@ from trepid.types import Image
 KEY = "trepid"  # of the metadata of the file
 KIND = "steering"
 TOLERANCE_RAD = math.radians(2.0)  # confidence is the probability of an error below it
-LOOKAHEAD_M = 8.0  # where the arc of the angle is compared with lanes, as in config/perception.yaml
-MIN_CONFIDENCE = 0.15  # of an estimate, as in config/steer_net.yaml
 LONGEST_GAP_S = 0.5  # between frames; after a longer one a recurrent network starts anew
 _OUTPUTS = ("road_wheel_rad", "sigma_rad", "unlike")
 _NORMAL = NormalDist()
@@ -153,6 +152,7 @@ class Driver:
 
     def __init__(self, name: str, network: DriverNetwork, vehicle: Vehicle) -> None:
         self._name, self._network, self._vehicle = name, network, vehicle
+        self._steering = steering_settings()
         self._memories = self._empty()
         self._last_s = math.nan
 
@@ -187,7 +187,7 @@ class Driver:
         if steering.unlike > 1.0:
             return self._nothing(frame, "the image is unlike those of the training of the network")
         confidence = self._network.record.confidence(steering.scale_rad)
-        if confidence < MIN_CONFIDENCE:
+        if confidence < self._steering.min_confidence:
             return self._nothing(frame, "the network states a low confidence of its angle")
         if abs(steering.road_wheel_rad) >= math.pi / 2:
             return self._nothing(frame, "the network's angle is impossible")
@@ -201,7 +201,9 @@ class Driver:
     def _ahead_sigma_m(self, steering: Steering) -> tuple[float, ...]:
         """Deviation of the arc, from σ_κ = σ_δ/(L·cos²δ), because κ = tan(δ)/L."""
         slope_1pm = 1.0 / (self._vehicle.wheelbase_m * math.cos(steering.road_wheel_rad) ** 2)
-        return ahead_sigma_m(self._network.record.sigma_rad(steering.scale_rad) * slope_1pm, LOOKAHEAD_M)
+        return ahead_sigma_m(
+            self._network.record.sigma_rad(steering.scale_rad) * slope_1pm, self._steering.lookahead_m
+        )
 
     def _restart(self) -> None:
         self._memories, self._last_s = self._empty(), math.nan
@@ -213,7 +215,7 @@ class Driver:
         return SteeringEstimate.nothing(
             frame.t_s,
             estimator=self._name,
-            lookahead_m=LOOKAHEAD_M,
+            lookahead_m=self._steering.lookahead_m,
             reason=reason,
             kind=EstimateKind.ANGLE,
         )

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from perception.lane.settings import steering_settings
 from perception.net.canonical import MIRRORED, CanonicalView, lane_of_row
 from perception.net.session import WeightsRecord, first_run, load_record, open_session
 from trepid.car.camera import Camera
@@ -34,9 +35,7 @@ class SteerNetSettings(Settings):
     """``config/steer_net.yaml``."""
 
     weights: str
-    lookahead_m: Annotated[float, Field(gt=0)]
     min_visible: Share
-    min_confidence: Share
     lane_width_m: tuple[Positive, Positive, Positive, Positive]
 
     def width_share(self, width_m: float) -> float:
@@ -162,7 +161,7 @@ class SteerNet:
         Raises InputError when the weights are missing or do not agree with their record.
         """
         weights = resource(Path(settings.weights))
-        self._settings = settings
+        self._settings, self._steering = settings, steering_settings()
         self._vehicle = vehicle
         self._assumed = assumed
         self._network = Network(weights)
@@ -208,7 +207,7 @@ class SteerNet:
         if width == 0.0:
             return 0.0, f"the lane of the network is {width_m:.1f} m wide"
         confidence = world * width * visible * self._probability(sigma_1pm)
-        if confidence < self._settings.min_confidence:
+        if confidence < self._steering.min_confidence:
             return 0.0, "the network detects a road, but the confidence of its lane is too low"
         return confidence, ""
 
@@ -220,7 +219,7 @@ class SteerNet:
     def _seen(
         self, frame: Frame, lane: Lane, confidence: float, command_sigma_1pm: float
     ) -> SteeringEstimate:
-        ahead_m = self._settings.lookahead_m
+        ahead_m = self._steering.lookahead_m
         return replace(
             self._nothing(frame, ""),
             lateral_offset_m=lane.offset_m,
@@ -236,5 +235,5 @@ class SteerNet:
 
     def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
         return SteeringEstimate.nothing(
-            frame.t_s, estimator=NAME, lookahead_m=self._settings.lookahead_m, reason=reason
+            frame.t_s, estimator=NAME, lookahead_m=self._steering.lookahead_m, reason=reason
         )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.lane.model.prediction import Motion as VehicleMotion
+from perception.lane.settings import steering_settings
 from perception.lane.view import as_bgr, unusable
 from perception.techniques.confidence import clarity, lane_score
 from perception.techniques.image.picture import (
@@ -33,7 +34,6 @@ from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
 from trepid.types import Array, Image, Mask
 
 WORKING_WIDTH_PX = 320  # as the default estimator, so that times compare
-LOOKAHEAD_M = 8.0  # where the curvature of the estimate holds, as config/perception.yaml
 ROW_STEP_PX = 10  # between the points of a boundary in the input image
 MAX_GAP_S = 1.0  # longest time between frames over which boundaries are predicted
 
@@ -51,6 +51,7 @@ class Pipeline:
         (self._steer,) = _bound(recipe.of("steer")) or [pursuit]
         self._track: list[Callable[..., Boundaries]] = []  # stages with memory: new ones after a jump in time
         self._rule: Callable[..., RuleAngle | None] | None = None
+        self._lookahead_m = steering_settings().lookahead_m
         self._rng = np.random.default_rng(0)  # one seed: the same frames give the same estimate
         self._last: Boundaries | None = None
         self._last_t_s = math.nan
@@ -133,7 +134,7 @@ class Pipeline:
             self._of(t_s, boundaries),
             lateral_offset_m=lane.offset_m,
             heading_error_rad=lane.heading_rad,
-            curvature_1pm=lane.curvature_at(LOOKAHEAD_M),
+            curvature_1pm=lane.curvature_at(self._lookahead_m),
             curvature_rate_1pm2=lane.curvature_rate_1pm2,
             road_wheel_angle_rad=self._steer(lane, self._vehicle.wheelbase_m),
             confidence=self._score,
@@ -168,7 +169,7 @@ class Pipeline:
     def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:
         name, kind = self._recipe.name, self._recipe.kind
         return SteeringEstimate.nothing(
-            t_s, estimator=name, lookahead_m=LOOKAHEAD_M, reason=reason, kind=kind
+            t_s, estimator=name, lookahead_m=self._lookahead_m, reason=reason, kind=kind
         )
 
 

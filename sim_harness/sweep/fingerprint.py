@@ -19,7 +19,10 @@ PIPELINE = ("perception.techniques.pipeline", "perception.techniques.recipe")
 TABLE = "perception.techniques.stages"  # imports every stage, of which a pipeline uses a few
 OWN_ESTIMATORS = {
     "cv": ("perception.lane.lane_cv", ("config/perception.yaml",)),
-    "cnn": ("perception.net.steer_net", ("config/steer_net.yaml", "perception/weights")),
+    "cnn": (
+        "perception.net.steer_net",
+        ("config/steer_net.yaml", "config/perception.yaml", "perception/weights"),
+    ),
     "segments": (
         "perception.segments.estimator",
         ("config/perception.yaml", "config/segments.yaml", "config/networks"),

@@ -9,12 +9,12 @@ import onnx
 import pytest
 from net_rig import CAMERA, SETTINGS, VEHICLE, measurements, step
 
-from perception.lane.settings import LaneCvSettings
+from perception.lane.settings import steering_settings
 from perception.net.session import load_record
 from perception.net.steer_net import Network, Record, SteerNet, SteerNetSettings, World, ahead_sigma_m
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
-from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from trepid.config import ROOT, InputError
 from trepid.messages import SIGMA_AHEAD_M
 
 WEIGHTS = ROOT / SETTINGS.weights
@@ -197,4 +197,5 @@ def test_the_share_of_the_world_falls_from_near_to_far_and_never_rises():
 
 
 def test_both_estimators_aim_at_the_same_point_ahead():
-    assert load(CONFIG_DIR / "perception.yaml", LaneCvSettings).steering.lookahead_m == SETTINGS.lookahead_m
+    record = json.loads(WEIGHTS.with_suffix(".json").read_text())
+    assert record["recipe"]["command_lookahead_m"] == steering_settings().lookahead_m

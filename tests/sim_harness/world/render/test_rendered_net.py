@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from net_rig import CAMERA, SETTINGS, VEHICLE, measurements, step
 
+from perception.lane.settings import steering_settings
 from perception.net.steer_net import Outputs, SteerNet
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
@@ -33,7 +34,7 @@ def drive() -> list[tuple[Frame, float, float, float]]:
         x, y = road.position(station, offset)
         yaw = road.heading_at(station) + heading
         image = renderer.render(x, y, yaw, t_s=0.04 * index, station_m=station)
-        ahead = road.curvature_at(station + SETTINGS.lookahead_m)
+        ahead = road.curvature_at(station + steering_settings().lookahead_m)
         shots.append((Frame(t_s=0.04 * index, image=image), offset, heading, ahead))
     return shots
 
@@ -48,7 +49,7 @@ def test_on_the_circuit_the_lane_is_near_the_truth(net, drive):
 
 
 def test_on_straights_the_road_wheel_angle_is_that_of_the_true_pose(net, drive):
-    reach = SETTINGS.lookahead_m
+    reach = steering_settings().lookahead_m
     for frame, offset, heading, _ in [shot for shot in drive if shot[3] == 0 and shot[0].t_s < 0.16]:
         angle = net.step(frame, None, now_s=0.0).road_wheel_angle_rad
         wanted = math.atan(VEHICLE.wheelbase_m * 2 * (-offset - heading * reach) / reach**2)
