@@ -19,6 +19,7 @@ from pydantic import BaseModel
 
 from sim_harness.sweep.pool import imap
 from trepid.config import WORK_DIR, InputError
+from trepid.files.whole import replacing
 from trepid.loudness import note
 
 SHIPPED = WORK_DIR / "perception" / "weights"
@@ -87,10 +88,8 @@ def _road(render: Callable[[int], Part], folder: Path, seed: int) -> Path:
     path = folder / f"{seed}.npz"
     if not path.is_file():
         cv2.setNumThreads(1)
-        fresh = path.with_suffix(".new")
-        with fresh.open("wb") as file:
+        with replacing(path) as fresh, fresh.open("wb") as file:
             np.savez(file, **render(seed))
-        fresh.replace(path)
     return path
 
 

@@ -11,6 +11,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import YAMLError
 
 from trepid.config import InputError, put, read, read_text
+from trepid.files.whole import write_whole
 from vehicle.actuators.rc.settings import RcSettings
 from vehicle.actuators.table import FILE, configured, settings_in
 
@@ -67,10 +68,8 @@ def write(car: Path, board: str, changes: Mapping[str, Any]) -> Path:
     out = StringIO() if path.exists() else StringIO(HEADER)
     out.seek(0, os.SEEK_END)
     yaml.dump(data, out)
-    new = path.with_suffix(".yaml.new")
     try:
-        new.write_text(out.getvalue(), encoding="utf-8")
-        new.replace(path)
+        write_whole(path, out.getvalue().encode())
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from error
     return path

@@ -20,11 +20,11 @@ from learning.correcting.corrections import Drift, build_corrections
 from learning.dataset.dataset import CARD, NONE, Dataset
 from learning.dataset.join import joined
 from learning.training.recipe import Recipe
-from learning.whole_files import write_whole
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.fingerprint import files_of_car
 from sim_harness.sweep.store import Row, stored_rows
 from trepid.config import InputError, car_folder
+from trepid.files.whole import write_whole
 
 INTERVENTION_S = 6.0  # as in sim_harness.judging.metrics
 SCORES = (

@@ -16,7 +16,7 @@ import numpy as np
 from learning.dataset.dataset import Dataset, Rows
 from learning.judging.scores import Angles
 from perception.net.driver import DriverNetwork
-from trepid.config import InputError
+from trepid.images.files import write_image
 from trepid.types import Image
 
 COLUMNS_OF_SHEET = 4
@@ -96,9 +96,4 @@ def write_sheet(
     tiles += [black] * (-len(tiles) % COLUMNS_OF_SHEET)
     starts = range(0, len(tiles), COLUMNS_OF_SHEET)
     sheet = np.vstack([np.hstack(tiles[start : start + COLUMNS_OF_SHEET]) for start in starts])
-    try:
-        written = cv2.imwrite(str(path), sheet)
-    except cv2.error:
-        written = False
-    if not written:
-        raise InputError(f"{path}: cannot be written as an image")
+    write_image(path, sheet)

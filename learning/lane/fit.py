@@ -25,6 +25,7 @@ from perception.net.canonical import MIRRORED
 from perception.net.steer_net import Network
 from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
+from trepid.files.whole import replacing
 from trepid.types import NonNegative, Positive, Share
 
 Count = Annotated[int, Field(ge=1)]
@@ -234,17 +235,14 @@ def _save(
     path: Path, kind: str, network: SteerNetwork, optimiser: torch.optim.Optimizer, progress: Progress
 ) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_suffix(".new")
-    torch.save(
-        dict(
-            recipe=kind,
-            network=network.state_dict(),
-            optimiser=optimiser.state_dict(),
-            progress={name: getattr(progress, name) for name in Progress.__slots__},
-        ),
-        fresh,
+    content = dict(
+        recipe=kind,
+        network=network.state_dict(),
+        optimiser=optimiser.state_dict(),
+        progress={name: getattr(progress, name) for name in Progress.__slots__},
     )
-    fresh.replace(path)
+    with replacing(path) as fresh:
+        torch.save(content, fresh)
 
 
 def _restore(path: Path, kind: str, network: SteerNetwork, optimiser: torch.optim.Optimizer) -> Progress:

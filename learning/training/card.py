@@ -7,8 +7,8 @@ from typing import Any
 
 from learning.training.loop import Progress
 from learning.training.recipe import Recipe
-from learning.whole_files import write_whole
 from trepid.config import InputError
+from trepid.files.whole import replacing, write_whole
 
 MARK = "written by Trepid"
 LIMITS = """\
@@ -47,9 +47,8 @@ def write_curve(progress: Progress, folder: Path) -> None:
     left.set_xlabel("epoch")
     left.set_ylabel("training loss", color="tab:gray")
     right.set_ylabel("mean validation error [°]", color="tab:blue")
-    fresh = folder / "curve.new"
-    figure.savefig(fresh, format="png", dpi=110)
-    fresh.replace(folder / "curve.png")
+    with replacing(folder / "curve.png") as fresh:
+        figure.savefig(fresh, format="png", dpi=110)
 
 
 def write_card(

@@ -21,9 +21,9 @@ from learning.training.calibrate import COVERAGE, block_quantile, error_scores
 from learning.training.export import METADATA, describe
 from learning.training.frames import Frames, read_frames, share_of
 from learning.unlike import attach, detach
-from learning.whole_files import write_whole
 from perception.net.driver import DriverNetwork
 from trepid.config import InputError
+from trepid.files.whole import write_whole
 from trepid.types import Floats, Image
 
 CALIBRATED = 256  # training frames, evenly in time

@@ -20,7 +20,7 @@ from sim_harness.footage.resimulation import SUPERVISED, Resimulation, resimulat
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.images.files import NOMINAL_FPS
+from trepid.images.files import NOMINAL_FPS, write_image
 from trepid.loudness import note
 from trepid.options import Car
 
@@ -142,12 +142,7 @@ def _draw(drive: Drive, path: Path) -> None:
     sheet = np.vstack(rows)
     scale = min(1.0, 3 * PICTURE_WIDTH_PX / sheet.shape[1])
     small = cv2.resize(sheet, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    try:
-        written = cv2.imwrite(str(path), small)
-    except cv2.error:
-        written = False
-    if not written:
-        raise InputError(f"{path}: cannot be written as an image")
+    write_image(path, np.asarray(small, np.uint8))
 
 
 def _one_line(row: dict[str, Any]) -> str:

@@ -20,6 +20,7 @@ from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, d
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.images.files import write_image
 from trepid.options import Car
 from trepid.types import Image
 
@@ -51,7 +52,7 @@ def disturbances_verb(
     if picture is not None:
         if not picture.parent.is_dir():
             raise InputError(f"{picture}: there is no folder {picture.parent}")
-        _write(picture, sheet(load_road(road), seed=seed))
+        write_image(picture, sheet(load_road(road), seed=seed), quality=82)
     if as_json:
         print(json.dumps(table))
         return 0
@@ -63,16 +64,6 @@ def disturbances_verb(
             rows.add_row(kind, quantity, *(f"{value:g}" for value in values))
     Console().print(rows)
     return 0
-
-
-def _write(path: Path, image: Image) -> None:
-    try:
-        quality = [cv2.IMWRITE_JPEG_QUALITY, 82] if path.suffix in (".jpg", ".jpeg") else []
-        written = cv2.imwrite(str(path), image, quality)
-    except cv2.error as error:
-        raise InputError(f"{path}: cannot be written as an image") from error
-    if not written:
-        raise InputError(f"{path}: cannot be written as an image")
 
 
 def sheet(road: Road, *, seed: int) -> Image:

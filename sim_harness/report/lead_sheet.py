@@ -20,7 +20,8 @@ from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, load
+from trepid.images.files import write_image
 from trepid.messages import Frame
 from trepid.options import Car
 from trepid.types import Image
@@ -48,8 +49,7 @@ def leads_verb(
     """Draw the detections of the lead detector on a road, near and far, in good and bad light."""
     sheet = lead_sheet(load_road(road), seed=seed)
     picture.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(picture), sheet, [cv2.IMWRITE_JPEG_QUALITY, 80]):
-        raise InputError(f"{picture}: cannot be written")
+    write_image(picture, sheet, quality=80)
     return 0
 
 

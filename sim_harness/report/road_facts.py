@@ -4,14 +4,14 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-import cv2
 import numpy as np
 import typer
 
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, load
+from trepid.images.files import write_image
 from trepid.options import Car
 
 STEP_M = 0.5
@@ -85,10 +85,4 @@ def save_picture(roads: list[Road], path: Path, at: list[float], *, count: int, 
 
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     sheets = [draw_road(road, camera, at or stations_along(road, count), seed=seed) for road in roads]
-    quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY] if path.suffix.lower() in (".jpg", ".jpeg") else []
-    try:
-        written = cv2.imwrite(str(path), stack(sheets), quality)
-    except cv2.error:
-        written = False
-    if not written:
-        raise InputError(f"{path}: cannot be written as an image")
+    write_image(path, stack(sheets), quality=QUALITY)

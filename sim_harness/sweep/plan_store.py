@@ -13,6 +13,7 @@ from sim_harness.sweep.outcome import is_complete
 from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.store import CODE, Row, Store, content
 from trepid.config import InputError
+from trepid.files.whole import replacing
 
 RUNS = "runs"  # name of the files in a folder
 
@@ -86,9 +87,8 @@ def write_parquet(rows: Iterable[Row], path: Path) -> None:
         flat.append({name: value for name, value in row.items() if name != "parameters"} | parameters)
     names = dict.fromkeys(name for row in flat for name in row)
     columns = {name: _column(name, [row.get(name) for row in flat]) for name in names}
-    partial = path.with_name(path.name + ".partial")
-    pa.parquet.write_table(pa.table(columns), partial)
-    partial.replace(path)
+    with replacing(path) as fresh:
+        pa.parquet.write_table(pa.table(columns), fresh)
 
 
 def _column(name: str, values: list[Any]) -> Any:

@@ -8,6 +8,8 @@ import hashlib
 import os
 from pathlib import Path
 
+from trepid.files.whole import write_whole
+
 MAX_FILES = 500  # of one folder
 DIGITS = 32  # of the hash in a name
 
@@ -32,14 +34,9 @@ def kept(path: Path | None) -> bytes:
 
 def keep(path: Path, content: bytes) -> None:
     """Write ``content``, if the folder can be written."""
-    fresh = path.with_suffix(f".{os.getpid()}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            fresh.write_bytes(content)
-            fresh.replace(path)
-        finally:
-            fresh.unlink(missing_ok=True)
+        write_whole(path, content)
         by_age = sorted(path.parent.glob(f"*{path.suffix}"), key=lambda one: one.stat().st_mtime)
         for old in by_age[:-MAX_FILES]:
             old.unlink(missing_ok=True)

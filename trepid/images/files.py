@@ -1,4 +1,4 @@
-"""Image files: their order in a folder, and complete images from them."""
+"""Image files: their order in a folder, complete images from them, pictures to them."""
 
 import re
 from collections.abc import Iterable
@@ -99,3 +99,14 @@ def _has_end(jpeg: bytes) -> bool:
             return True
         at += int.from_bytes(jpeg[at : at + 2], "big")
     return False
+
+
+def write_image(path: Path, image: Image, *, quality: int | None = None) -> None:
+    """Write ``image`` in the format of the suffix; ``quality``: of a JPEG, 0 to 100. Raises InputError."""
+    options = [] if quality is None else [cv2.IMWRITE_JPEG_QUALITY, quality]
+    try:
+        written = cv2.imwrite(str(path), image, options if path.suffix.lower() in (".jpg", ".jpeg") else [])
+    except cv2.error:  # no such format
+        written = False
+    if not written:
+        raise InputError(f"{path}: cannot be written as an image")

@@ -9,8 +9,8 @@ import numpy as np
 
 from lab.bench.real.look import NAMES
 from perception.images.annotate import label
-from trepid.config import InputError
 from trepid.images.figure_style import BLUE, ORANGE, bare, new_figure, save
+from trepid.images.files import write_image
 
 Row = dict[str, Any]
 PER_SHEET, ACROSS = 12, 3
@@ -43,8 +43,7 @@ def sheet(rows: Sequence[Row], indices: Sequence[int], tiles: Path, out: Path) -
         tile = np.array(picture, np.uint8)
         label(tile, f"{index} {_words(rows[index])}", (2, 16), 0.4)
         canvas[top : top + tile.shape[0], left : left + tile.shape[1]] = tile
-    if not cv2.imwrite(str(out), canvas):
-        raise InputError(f"{out}: cannot be written")
+    write_image(out, canvas)
 
 
 def _words(row: Row) -> str:
