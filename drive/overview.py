@@ -3,8 +3,7 @@
 import json
 from typing import Any
 
-from drive.loads import number
-from drive.log import DriveLog
+from drive.log import DriveLog, number
 from trepid.bus import Bus
 from trepid.clock import nanoseconds
 from trepid.messages import Diagnostic, Health

@@ -2,7 +2,8 @@
 
 A slow-down is a clear fall of the speed cap of the supervisor. Where only the measured speed fell, the controller
 braked below the cap, as it does for bends, and the explanation states that. Elsewhere the moment is calm, and the
-explanation states what would raise fear to its next level.
+explanation states what would raise fear to its next level: for each input alone, the value at which the rules
+reach it.
 """
 
 import math
@@ -12,11 +13,48 @@ from typing import Any
 import numpy as np
 
 from cockpit.logbook.recall import Recall, of_valid
-from cockpit.logbook.rise import next_level, raising
 from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, significant, slow_downs
 from supervisor.rules.inference import FearRules, Values
+from supervisor.rules.rule_file import LEVELS
 from trepid.messages import Decision, Stop
 from trepid.types import Column
+
+_PRECISION = 1e-4  # of the range of an input
+
+
+def next_level(rules: FearRules, fear: float) -> str | None:
+    """The level above that of ``fear``; None at the highest."""
+    above = rules.level_index(fear) + 1
+    return LEVELS[above] if above < len(LEVELS) else None
+
+
+def raising(rules: FearRules, values: Values) -> list[tuple[str, float, str]]:
+    """Each input that alone would raise fear to a higher level, the value from which it does, and the cause then.
+
+    The inputs are moved towards the worst end of their range, the others held; that which needs the smallest share
+    of its range comes first. Empty at the highest level, to which also every missing input leads.
+    """
+    level = rules.level_index(rules.evaluate(values).fear)
+    found = []
+    for name, spec in rules.inputs.items():
+        low, high = spec.range
+        value = values.get(name)
+        if value is None or level == len(LEVELS) - 1:
+            continue
+        calm, worse = min(max(value, low), high), spec.worst
+        if not _rises(rules, values, name, worse, level):
+            continue
+        while abs(worse - calm) > _PRECISION * (high - low):
+            middle = (calm + worse) / 2
+            calm, worse = (calm, middle) if _rises(rules, values, name, middle, level) else (middle, worse)
+        cause = rules.evaluate({**values, name: worse}).cause
+        found.append((abs(worse - value) / (high - low), name, worse, cause))
+    return [(name, worse, cause) for _, name, worse, cause in sorted(found)]
+
+
+def _rises(rules: FearRules, values: Values, name: str, value: float, level: int) -> bool:
+    return rules.level_index(rules.evaluate({**values, name: value}).fear) > level
+
 
 BEFORE_S = 10.0  # length of the timeline before the slow-down
 AROUND_S = 0.5  # of the given time

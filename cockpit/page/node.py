@@ -9,9 +9,8 @@ import uvicorn
 
 from cockpit.page.feed import Feed
 from cockpit.page.hub import Hub
-from cockpit.page.keep import KeepDesk
 from cockpit.page.rules import RuleDesk
-from cockpit.page.server import PageServer
+from cockpit.page.server import KeepDesk, PageServer
 from cockpit.page.stop import StopSender
 from cockpit.page.view import View
 from trepid.car.camera import Camera

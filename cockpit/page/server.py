@@ -2,11 +2,14 @@
 
 Static files need no token, everything else does: in the first message of the stream, else as a bearer token. A
 request of a page from elsewhere is refused by its Origin, a name that leads here by DNS rebinding by its Host.
+
+The record button of the page keeps the last minutes as one recording, as ``trepid record keep`` does.
 """
 
 import asyncio
 import json
 import secrets
+import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -21,11 +24,37 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cockpit.page.hub import MAX_VIEWERS, Hub, Viewer
-from cockpit.page.keep import KeepDesk
 from cockpit.page.rules import Conflict, RuleDesk
 from cockpit.page.stop import StopSender
 from trepid.config import InputError
 from trepid.processes.page_door import PageDoor
+from trepid.recording.ring import kept_by_another, kept_name, state_folder
+
+
+class KeepDesk:
+    """Keeps the last minutes of this drive, where it writes them."""
+
+    def __init__(self, *, ring: str | None, recorded: str | None) -> None:
+        """``ring``: name of the ring of this drive, None without one. ``recorded``: the file of the whole drive."""
+        self._ring = ring
+        self.why_not = ""
+        """Why there is nothing to keep; "" where the last minutes are written."""
+        if recorded is not None:
+            self.why_not = f"the whole drive is recorded in {recorded}"
+        elif ring is None:
+            self.why_not = "the last minutes are not written: ring.max_mb of drive.yaml is 0"
+
+    def keep(self) -> Path:
+        """Keep the last minutes in a new file; another process of low priority joins the parts.
+
+        Raises InputError.
+        """
+        if self.why_not or self._ring is None:
+            raise InputError(self.why_not)
+        path = kept_name("page", now_s=time.time())
+        kept_by_another(state_folder("ring") / self._ring, path)
+        return path
+
 
 STATIC = Path(__file__).parent / "static"
 HEADERS = {

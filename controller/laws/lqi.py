@@ -5,9 +5,9 @@ lag τ of the steering and T of the tyres (`controller.model.tyres`). In lateral
 
     z' = e    e' = w    w' = p    T·p' = q - p    τ·q' = u - q
 
-z integral of the offset, e offset, w = v·sin χ sideways speed (χ course error), p = v²·(κ_path - κ) and
-q = v²·(κ_wheel - κ(s + v·T)) the excess of path and wheel over the lane, u = v²·(κ_cmd - κ_ff) the feedback. A lag
-of zero takes its state away. κ_ff = κ(s + v·(T + τ)) undoes both lags on a clothoid. The gains of u = -K·x minimise
+z integral of the offset, e offset, w = v·sin χ sideways speed (χ course error), p = v²·(κ_path - κ) and q =
+v²·(κ_wheel - κ(s + v·T)) the excess of path and wheel over the lane, u = v²·(κ_cmd - κ_ff) the feedback. A lag of
+zero takes its state away. κ_ff = κ(s + v·(T + τ)) undoes both lags on a clothoid. The gains of u = -K·x minimise
 
     ∫ e² + (d·w/ω)² + (i·ω·z)² + u²/ω⁴ dt
 
@@ -24,18 +24,26 @@ The integral is bounded, held while r is above r₀, and reset when a driver ste
 returns along a straight line at the approach angle.
 
 Anderson and Moore, Optimal Control (1990), sections 2.3 and 3.3; Hippe, Windup in Control (2006), chapter 2.
+
+A schedule of gains is computed once per vehicle, with python-control, whose import alone takes seconds. It is kept
+in a folder of the user (:mod:`trepid.files.cache`) under a hash of all inputs of the computation: dead time, lags,
+settings, the source of the design and the versions of the libraries.
 """
 
+import json
 import math
+from functools import lru_cache
+from importlib.metadata import version
 from itertools import pairwise
+from pathlib import Path
 
 from controller.laws.law import Acting, LateralLaw
-from controller.laws.lqi_gains import schedule
-from controller.laws.lqi_settings import SPEEDS_MPS, Gains, Lags, LqiSettings
+from controller.laws.lqi_settings import SPEEDS_MPS, Design, Gains, Lags, LqiSettings, Margins
 from controller.model.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
+from trepid.files.cache import cache_file, keep
 
 _MIN_SPEED_MPS = SPEEDS_MPS[0]
 
@@ -110,3 +118,43 @@ class Lqi(LateralLaw):
                 share = (speed_mps - slow.speed_mps) / (fast.speed_mps - slow.speed_mps)
                 return Gains(*[a + share * (b - a) for a, b in zip(slow.gains, fast.gains, strict=True)])
         return self.designs[-1].gains
+
+
+_SOURCES = ("lqi_design.py", "lqi_settings.py")
+
+
+@lru_cache(maxsize=64)
+def schedule(lags: tuple[Lags, ...], settings: LqiSettings) -> tuple[Design, ...]:
+    """A design at each of ``SPEEDS_MPS``; ``lags``: dead time and lags at each."""
+    path = _file(lags, settings)
+    stored = _read(path)
+    if stored is not None:
+        return stored
+    from controller.laws.lqi_design import design
+
+    found = tuple(design(speed, lag, settings) for speed, lag in zip(SPEEDS_MPS, lags, strict=True))
+    if path is not None:
+        keep(path, json.dumps(found).encode())
+    return found
+
+
+def _file(lags: tuple[Lags, ...], settings: LqiSettings) -> Path | None:
+    """Where the schedule is kept; None without a home folder."""
+    sources = [(Path(__file__).parent / name).read_bytes().hex() for name in _SOURCES]
+    versions = [version(name) for name in ("control", "numpy", "scipy")]
+    key = json.dumps([SPEEDS_MPS, lags, settings.model_dump(mode="json"), sources, versions])
+    return cache_file("gains", key, ".json")
+
+
+def _read(path: Path | None) -> tuple[Design, ...] | None:
+    """The stored schedule; None unless it is complete and finite."""
+    try:
+        rows = json.loads(path.read_text(encoding="utf-8")) if path is not None else None
+        designs = tuple(
+            Design(float(speed), float(bandwidth), Gains(*map(float, gains)), Margins(*map(float, margins)))
+            for speed, bandwidth, gains, margins in rows or ()
+        )
+    except (OSError, ValueError, TypeError):
+        return None
+    finite = all(math.isfinite(one.bandwidth_radps + sum(one.gains)) for one in designs)
+    return designs if finite and tuple(one.speed_mps for one in designs) == SPEEDS_MPS else None

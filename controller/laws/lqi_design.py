@@ -11,7 +11,7 @@ is exact, so the closed loop has the poles of A - B·K. With G = (jω - A)⁻¹B
     L = K·e^(AT)·G·e^(-jωT) / (1 + K·(G - e^(AT)·G·e^(-jωT)))
 
 Manitius and Olbrot, IEEE Trans. Automatic Control 24 (1979); Anderson and Moore, Optimal Control (1990), section
-3.3 and chapter 5 (margins). The import of python-control takes seconds: :mod:`controller.laws.lqi_gains` imports
+3.3 and chapter 5 (margins). The import of python-control takes seconds: :mod:`controller.laws.lqi` imports
 this module only to compute gains that are not stored.
 """
 

@@ -38,13 +38,12 @@ from math import isnan, nan, sqrt
 from pathlib import Path
 from typing import NamedTuple
 
-from controller.limiter.excess import Excess
 from controller.limiter.inputs import Arrivals, Seen, fresh, is_finite, plausible_state
 from controller.limiter.interval import Interval, clip, inside, narrow
 from controller.limiter.limits import Limits
 from controller.limiter.override import DriverWatch
 from controller.limiter.saturation import SaturationWatch
-from controller.limiter.turn import SteadyTurn
+from controller.limiter.turn import Excess, SteadyTurn
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, VehicleState

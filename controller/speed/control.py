@@ -7,7 +7,7 @@ The acceleration demand of tracking is
 v_t' is that of the target, or else its measured change, smoothed over ``RATE_S``: without it a car
 behind a leader that brakes with b would lag its falling cap by b/k, and at a gap (d - d₀)/T the loop
 s² + k·s + k/T would swing (damping 0.55 at k = 0.8 1/s, T = 1.5 s); with it the poles are k and 1/T. A change that
-no car could make is a step of the cap, and not a rate. d is the load of the hill (`controller.speed.load`). With
+no car could make is a step of the cap, and not a rate. d is the load of the hill, observed. With
 drive lag τ_a the loop s² τ_a + s + k has damping 1/(2√(k·τ_a)); above 1 the speed never overshoots its cap. The
 demand must also be able to fade out as fast as k·a demands: k·max_accel ≤ brake_jerk. Both are checked on loading.
 
@@ -18,14 +18,67 @@ deceleration not being zero,
     v/b + b/j + τ_a [s]        v²/(2b) + v·(b/(2j) + τ_a) + b³/(24·j²) [m]
 
 Rajamani, Vehicle Dynamics and Control (2012), sections 5.4 and 6.3.
+
+**Load**: acceleration of the car that its drive and brakes do not explain, such as that of a hill.
+
+    v' = a + d        a' = (demand - a)/τ_a        d' = 0
+
+d = -g·sin θ - rolling and air drag [m/s²], estimated by an observer with both poles at ``BANDWIDTH_RADPS``:
+
+    v̂' = a + d̂ + 2ω·(v - v̂)        d̂' = ω²·(v - v̂)
+
+Added to the demand it acts as an integral, but without wind-up while the demand is bounded and without response
+to a new target. An error beyond ``TORN_MPS``, as from a driver's brake, resets the model.
+
+Luenberger, An introduction to observers, IEEE TAC 16(6), 1971; Rajamani, Vehicle Dynamics and Control (2012),
+section 4.1 (longitudinal forces).
 """
 
 import math
 
+from controller.model.lag import left_after
 from controller.speed.limits import SpeedSettings, Target
-from controller.speed.load import LoadObserver
 from trepid.bounds import at_least, at_most, within
 from trepid.messages import Stop
+
+BANDWIDTH_RADPS = 1.0
+TORN_MPS = 0.5  # a sudden hill of 20 % gives 0.25 m/s
+
+
+class LoadObserver:
+    """Call ``step`` with the demand that has acted since the last step."""
+
+    def __init__(self, drive_lag_s: float, *, limit_mps2: float) -> None:
+        self.load_mps2 = 0.0  # d̂
+        self.acting_mps2 = 0.0  # a
+        self._lag_s, self._limit_mps2 = drive_lag_s, limit_mps2
+        self._speed_mps: float | None = None  # v̂; None: to be read first
+
+    def step(self, demand_mps2: float, *, speed_mps: float, dt_s: float) -> None:
+        """Update with the speed after ``dt_s`` of ``demand_mps2``."""
+        before_mps2 = self.acting_mps2
+        keep = left_after(dt_s, self._lag_s)
+        self.acting_mps2 = demand_mps2 + (before_mps2 - demand_mps2) * keep
+        gained_mps = demand_mps2 * dt_s + (before_mps2 - demand_mps2) * self._lag_s * (1.0 - keep)
+        if self._speed_mps is None:
+            self._speed_mps = speed_mps
+            return
+        self._speed_mps += gained_mps + self.load_mps2 * dt_s
+        error = speed_mps - self._speed_mps
+        if abs(error) > TORN_MPS:
+            self._speed_mps = speed_mps
+            return
+        self._speed_mps += 2.0 * BANDWIDTH_RADPS * dt_s * error
+        self.load_mps2 = within(self.load_mps2 + BANDWIDTH_RADPS**2 * dt_s * error, self._limit_mps2)
+
+    def standing(self) -> None:
+        """The car stands: the brake holds, and the load stays as estimated."""
+        self.acting_mps2, self._speed_mps = 0.0, None
+
+    def pause(self) -> None:
+        """The acting demand is not known."""
+        self._speed_mps = None
+
 
 RATE_S = 0.5
 STEP_MPS = 0.4  # between two decisions (40 ms): ten times the change that a car can make

@@ -1,20 +1,92 @@
-"""The judgement of one model on one split of a data set, as the row of ``trepid evaluate --json``."""
+"""The judgement of one model on one split of a data set, as the row of ``trepid evaluate --json``.
+
+Beside its errors stand those of predictions without an image (straight ahead, the mean of the training, the angle
+of a moment ago), and the errors that it states: coverage of intervals, order of errors, confidence, world.
+"""
 
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import spearmanr
 
 from learning.dataset.dataset import Dataset, Rows
 from learning.judging import scores
-from learning.judging.baselines import previous
 from learning.judging.bootstrap import block_frames, intervals
 from learning.judging.predictions import Model, Predictions
 from learning.judging.scores import Angles, Scores
-from learning.judging.uncertainty import calibration, coverage, risk_coverage, world
 from perception.net.driver import TOLERANCE_RAD
 from trepid.config import InputError
+
+COVERAGES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
+LEAST_FRAMES = 20  # for statements about the order of errors
+
+
+def coverage(error_deg: Angles, half_width_deg: Angles) -> dict[str, float]:
+    """Share of the frames with |error| within the interval, and the mean width of the intervals."""
+    return {
+        "coverage_90": float((np.abs(error_deg) <= half_width_deg).mean()),
+        "mean_width_deg": float(2 * half_width_deg.mean()),
+    }
+
+
+def risk_coverage(error_deg: Angles, sigma_deg: Angles) -> dict[str, object] | None:
+    """MAE of the frames with the smallest sigma, by their share; None with fewer than LEAST_FRAMES.
+
+    ``aurc_deg`` is the mean of the MAE over all shares k/n (area under the risk-coverage curve; Geifman and
+    El-Yaniv, Selective Classification for Deep Neural Networks, 2017), ``oracle_aurc_deg`` that of the true order
+    of errors, and ``spearman`` the rank correlation of sigma and |error|.
+    """
+    n, size = len(error_deg), np.abs(error_deg)
+    if n < LEAST_FRAMES:
+        return None
+    risks = np.cumsum(size[np.argsort(sigma_deg, kind="stable")]) / np.arange(1, n + 1)
+    best = np.cumsum(np.sort(size)) / np.arange(1, n + 1)
+    varies = np.ptp(sigma_deg) > 0 and np.ptp(size) > 0
+    return {
+        "mae_deg_at": {f"{share:g}": float(risks[max(1, round(share * n)) - 1]) for share in COVERAGES},
+        "aurc_deg": float(risks.mean()),
+        "oracle_aurc_deg": float(best.mean()),
+        "spearman": float(spearmanr(sigma_deg, size).statistic) if varies else None,
+    }
+
+
+def calibration(error_rad: Angles, confidence: Angles, tolerance_rad: float) -> dict[str, float]:
+    """Mean confidence beside the share of errors below the tolerance, of which it is the probability."""
+    return {
+        "mean_confidence": float(confidence.mean()),
+        "within_tolerance": float((np.abs(error_rad) < tolerance_rad).mean()),
+    }
+
+
+def world(error_deg: Angles, unlike: Angles) -> dict[str, float | None]:
+    """Share of the frames outside the world of the model, and the MAE inside and outside."""
+    outside, size = unlike > 1.0, np.abs(error_deg)
+    return {
+        "outside": float(outside.mean()),
+        "mae_inside_deg": float(size[~outside].mean()) if not outside.all() else None,
+        "mae_outside_deg": float(size[outside].mean()) if outside.any() else None,
+    }
+
+
+AGO_S = 0.2
+
+
+def previous(angles: Angles, t_s: Angles, stretch: NDArray[np.int64], *, ago_s: float = AGO_S) -> Angles:
+    """The newest angle of the same stretch that is at least ``ago_s`` old at each frame; NaN without one.
+
+    Frames are in the order of stretches and time. A delay of 0.2 s is about that of a driver, so that this baseline
+    has seen the driver steer; an image model has not.
+    """
+    found = np.full(len(angles), np.nan)
+    for number in np.unique(stretch):
+        (inside,) = np.nonzero(stretch == number)
+        at = np.searchsorted(t_s[inside], t_s[inside] - ago_s + 1e-6, side="right") - 1
+        known = at >= 0
+        found[inside[known]] = angles[inside[at[known]]]
+    return found
+
 
 Flags = NDArray[np.bool_]
 

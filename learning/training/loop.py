@@ -2,13 +2,15 @@
 
 Plain torch. A killed training continues from its checkpoint with the same batches and the same random numbers, so
 that its weights equal those of an undisturbed one bit by bit, for the same number of threads on the same machine.
+
+Optimisers are chosen by name; weights may be averaged.
 """
 
 import copy
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -22,10 +24,43 @@ from learning.models.parts.network import SteeringNetwork
 from learning.training.batches import Batch, Batches, seed_step
 from learning.training.checkpoint import Checkpoints
 from learning.training.frames import Frames
-from learning.training.optimise import averaged, optimiser
 from learning.training.recipe import Recipe, Stage
 from trepid.config import InputError
 from trepid.types import Floats
+
+RMSPROP_DECAY = 0.9  # Keras
+KERAS_EPSILON = 1e-7
+
+
+def optimiser(recipe: Recipe, stage: Stage, weights: Iterable[nn.Parameter]) -> torch.optim.Optimizer:
+    """The optimiser of a stage; decay of weights is decoupled in adamw alone."""
+    rate, decay = stage.learning_rate, recipe.weight_decay
+    if recipe.optimiser == "adamw":
+        return torch.optim.AdamW(weights, lr=rate, weight_decay=decay)
+    if recipe.optimiser == "adam":
+        return torch.optim.Adam(weights, lr=rate, weight_decay=decay, eps=KERAS_EPSILON)
+    if recipe.optimiser == "rmsprop":
+        return torch.optim.RMSprop(
+            weights, lr=rate, alpha=RMSPROP_DECAY, weight_decay=decay, eps=KERAS_EPSILON
+        )
+    nesterov = recipe.optimiser == "nag"
+    return torch.optim.SGD(weights, lr=rate, momentum=recipe.momentum, weight_decay=decay, nesterov=nesterov)
+
+
+def averaged(network: nn.Module, decay: float) -> AveragedModel | None:
+    """Exponential mean of weights and statistics; None where ``decay`` is 0.
+
+    The decay of step n is min(decay, (1 + n)/(10 + n)): the first weights are soon forgotten.
+    """
+    if decay == 0:
+        return None
+
+    def mean(old: Tensor, new: Tensor, steps: Tensor) -> Tensor:
+        kept = min(decay, (1 + int(steps)) / (10 + int(steps)))
+        return old + (new - old) * (1 - kept) if old.is_floating_point() else new
+
+    return AveragedModel(network, avg_fn=mean, use_buffers=True)
+
 
 EVALUATION_BATCH = 128
 

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import torch
 
-from learning.dataset.balance import weights
 from learning.dataset.dataset import Dataset
 from learning.models.catalogue import build, packaged_weights
 from learning.models.parts.network import SteeringNetwork, glorot, he
@@ -24,7 +23,7 @@ from learning.training.card import check_card, write_card, write_curve
 from learning.training.checkpoint import Checkpoints
 from learning.training.export import export, origin_commit
 from learning.training.frames import Frames, read_frames, share_of
-from learning.training.labels import training_labels
+from learning.training.labels import training_labels, weights
 from learning.training.loop import Progress, Trainer, predict
 from learning.training.pretrain import pretrain
 from learning.training.recipe import Recipe

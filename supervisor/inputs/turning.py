@@ -3,7 +3,7 @@
     e = sign(ψ')·v·(ψ' - v·tan δ/(L + K_us·v²))
 
 The limiter takes the same excess from the lateral acceleration that it allows
-(:mod:`controller.limiter.excess`), so that a gyroscope with an offset makes it cut the demand: the car then leaves
+(:mod:`controller.limiter.turn`), so that a gyroscope with an offset makes it cut the demand: the car then leaves
 its path because of a measurement, not because the bend is too tight. A yaw rate below that of the wheels takes
 nothing from the limit.
 """

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from drive.loads import Loads, number
-from drive.log import DriveLog
+from drive.log import DriveLog, Loads, number
 from drive.overview import Overview
 from trepid.bus import free_endpoint, open_bus
 from trepid.messages import Diagnostic, Health

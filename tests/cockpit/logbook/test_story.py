@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 
 from cockpit.logbook.moment import moment_figure
 from cockpit.logbook.recall import Recall, recall
-from cockpit.logbook.rise import next_level, raising
-from cockpit.logbook.story import story
+from cockpit.logbook.story import next_level, raising, story
 from cockpit.logbook.story_text import story_text
 from cockpit.rulebook.cli import app
 from sim_harness.scenarios.scenario import load_scenario

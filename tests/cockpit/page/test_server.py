@@ -17,9 +17,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from cockpit.page.hub import MAX_VIEWERS
-from cockpit.page.keep import KeepDesk
 from cockpit.page.rules import RuleDesk
-from cockpit.page.server import MAX_BODY, TOO_MANY, WRONG_ORIGIN, WRONG_TOKEN
+from cockpit.page.server import MAX_BODY, TOO_MANY, WRONG_ORIGIN, WRONG_TOKEN, KeepDesk
 from trepid.config import CONFIG_DIR, InputError, use_car
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording

@@ -7,7 +7,7 @@ import pytest
 from controller_rig import SETTINGS
 
 from controller.controller import build
-from controller.laws.lqi_gains import schedule
+from controller.laws.lqi import schedule
 from controller.laws.lqi_settings import SPEEDS_MPS, Lags
 
 LQI = SETTINGS.lateral.lqi

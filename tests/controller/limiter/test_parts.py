@@ -12,12 +12,11 @@ from limiter_rig import DT_S, EXACT, seen, state
 from message_rig import SHUTTLE, command, vehicle
 
 import controller.limiter
-from controller.limiter.excess import FILTER_S, LEAD_S, Excess
 from controller.limiter.inputs import COUNTED, Arrivals, fresh, is_finite, plausible_state
 from controller.limiter.interval import clip, inside, narrow
 from controller.limiter.override import DriverWatch
 from controller.limiter.saturation import SaturationWatch
-from controller.limiter.turn import SLOPE, SteadyTurn
+from controller.limiter.turn import FILTER_S, LEAD_S, SLOPE, Excess, SteadyTurn
 from controller.model import bicycle
 
 BAD = (math.nan, math.inf, -math.inf)

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from controller.speed.control import SpeedControl
+from controller.speed.control import LoadObserver, SpeedControl
 from controller.speed.limits import SpeedSettings, Target, target
-from controller.speed.load import LoadObserver
 from trepid.clothoid import Lane
 from trepid.messages import Stop
 

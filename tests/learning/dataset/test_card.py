@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from drive_rig import made_dataset, run, steering_of, write_pictures, write_table, write_tub
 
-from learning.dataset.balance import weights
 from learning.dataset.card import card_of
 from learning.dataset.dataset import Dataset, Rows
 from learning.dataset.motion import delay_of, suspicious
+from learning.training.labels import weights
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from learning.judging.bootstrap import block_frames, intervals
-from learning.judging.uncertainty import calibration, coverage, risk_coverage, world
+from learning.judging.evaluate import calibration, coverage, risk_coverage, world
 
 
 def width(interval: tuple[float, float]) -> float:

@@ -7,9 +7,8 @@ from drawn_road_rig import CAMERA, VEHICLE, road
 from technique_rig import VIEW, straight_boundaries
 
 from perception.estimators import ESTIMATORS, FURTHER, build, entry_of, estimators
-from perception.techniques.confidence import clarity
 from perception.techniques.image.picture import Boundaries, Evidence, Features, Kind
-from perception.techniques.pipeline import Pipeline
+from perception.techniques.pipeline import Pipeline, clarity
 from perception.techniques.recipe import recipes, settings_of
 from perception.techniques.stages import KINDS
 from sim_harness.footage.estimate_cli import estimate

@@ -8,8 +8,7 @@ from disk_rig import files_limited_to
 from trace_rig import state, truth
 
 from sim_harness.judging import trace
-from sim_harness.judging.blocks import Blocks
-from sim_harness.judging.trace import Recorder
+from sim_harness.judging.trace import Blocks, Recorder
 
 
 @pytest.mark.parametrize("on_disk", [False, True])

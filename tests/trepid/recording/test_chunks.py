@@ -6,7 +6,7 @@ from pathlib import Path
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from trepid.recording.chunks import KEPT, PackedIndices, pack_indices
+from trepid.recording.writer import KEPT, PackedIndices, pack_indices
 
 CHANNELS, CHUNKS = 16, 300
 

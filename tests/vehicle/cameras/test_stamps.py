@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle.cameras.stamps import CaptureStamps
+from vehicle.cameras.device import CaptureStamps
 
 EPOCH_S = 1.7e9  # of the clock of the drive at the monotonic time 0
 

@@ -8,10 +8,17 @@ import numpy as np
 import pytest
 
 from lab.bench.fear import supervision
-from lab.bench.fear.arms import Driver, chosen
 from lab.bench.fear.drives import HARD_ROUTE_M, cases
 from lab.bench.fear.fuzz import situations
-from lab.bench.fear.supervision import SUPERVISED, driven, drivers, summary, warnings_s
+from lab.bench.fear.supervision import (
+    SUPERVISED,
+    Driver,
+    chosen,
+    driven,
+    drivers,
+    summary,
+    warnings_s,
+)
 from sim_harness.judging.trace import Trace
 from sim_harness.sweep.fingerprint import fingerprint
 
