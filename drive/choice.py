@@ -6,7 +6,7 @@ from pathlib import Path
 
 from drive.course import Course
 from drive.open_road import OpenRoad
-from trepid.processes.settings import COURSES
+from trepid.packages import courses
 
 
 def course_for(
@@ -19,7 +19,9 @@ def course_for(
     Raises InputError for an invalid scenario, and for one that only the lock-step loop can simulate.
     """
     if scenario is not None:
-        made: Course = import_module(COURSES).course_of(scenario, changes, estimators, duration_s=duration_s)
+        made: Course = import_module(courses()).course_of(
+            scenario, changes, estimators, duration_s=duration_s
+        )
         return made
     return OpenRoad(duration_s=duration_s, chosen=networks_of(estimators) if estimators else None)
 

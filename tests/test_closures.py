@@ -33,8 +33,8 @@ CLOSURES = {
         "road = course_for(None, {}, (), duration_s=None)\n"
         "assert plan_of(road, recorded=True, page=True, foxglove=False).specs",
         {"drive", "vehicle"},  # keys, and the words of the stop button
-        61,
-        5_200,
+        60,
+        5_300,
     ),
     "camera": Closure(
         "import vehicle.cameras.node, vehicle.cameras.device",
@@ -66,8 +66,8 @@ CLOSURES = {
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
         {"perception"},
-        52,
-        5_300,
+        54,
+        5_450,
     ),
     "supervisor": Closure(
         "import supervisor.node\n"
@@ -99,10 +99,13 @@ CLOSURES = {
         23,
         2_250,
     ),
-    "ROS 2 bridge": Closure("import vehicle.ros.bridge", {"vehicle", "controller"}, 34, 2_850),
-    "page": Closure("import cockpit.page.node", {"cockpit", "vehicle"}, 46, 4_600),
+    "ROS 2 bridge": Closure("import vehicle.ros.bridge", {"vehicle", "controller"}, 34, 2_900),
+    "page": Closure("import cockpit.page.node", {"cockpit", "vehicle"}, 47, 4_700),
 }
 
+ROAD = ("perception", "supervisor", "controller", "vehicle", "drive", "cockpit")
+OFFERED = {f"{package}.offers" for package in ROAD}
+"""The tables of what the packages of a car offer, by which processes are planned."""
 DRIVERS = (
     "import vehicle.actuators.table, vehicle.cameras.table\n"
     "assert all(map(vehicle.actuators.table.kind, vehicle.actuators.table.OWN))\n"
@@ -130,7 +133,8 @@ def test_an_entry_of_a_real_car_loads_its_own_package_and_the_vocabulary_only(
 ) -> None:
     statements, packages, modules, lines = CLOSURES.get(entry, WHOLE_CAR)
     found = {name: count for name, count in loaded(statements, {CAR: str(shuttle)}).items() if count}
-    foreign = sorted(name for name in found if name.split(".")[0] not in packages | {"trepid"})
+    others = (name for name in found if name.split(".")[0] not in packages | {"trepid"})
+    foreign = sorted(name for name in others if name not in OFFERED)
     assert foreign == []
     assert len(found) <= modules and sum(found.values()) <= lines, (len(found), sum(found.values()))
 

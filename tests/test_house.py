@@ -1,7 +1,7 @@
 """The structure of the source tree: which room may import which, and how large files, rooms and classes may be.
 
-A room is a folder with Python files. Imports inside functions count too, but for those of command lines
-(``cli.py``, ``__main__.py``), which mount verbs of packages above them; imports for type checking do not.
+A room is a folder with Python files. Imports inside functions count too; imports for type checking do not. Between
+packages, names of modules given as strings count as well.
 """
 
 import ast
@@ -30,7 +30,6 @@ ALLOWED = {
     "lab": set(PACKAGES),
 }
 COMPARISON = "cockpit.compare"  # of traces: may import sim_harness too
-COMMAND_LINES = {"cli.py", "__main__.py"}
 MAX_FILES = 20
 MAX_CLASS_LINES = 220
 
@@ -73,7 +72,7 @@ def imports() -> networkx.DiGraph:
     graph = networkx.DiGraph()
     graph.add_nodes_from(modules())
     for module, path in modules().items():
-        names = imported_names(ast.parse(path.read_text()), lazy=path.name not in COMMAND_LINES)
+        names = imported_names(ast.parse(path.read_text()), lazy=True)
         graph.add_edges_from((module, name) for name in names if name in modules() and name != module)
     return graph
 
@@ -90,6 +89,29 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
 def test_no_rooms_import_each_other_in_a_circle() -> None:
     rooms = networkx.DiGraph((room(a), room(b)) for a, b in imports().edges if room(a) != room(b))
     assert circles(rooms) == []
+
+
+def named_modules(tree: ast.AST) -> Iterator[str]:
+    """Modules below a package that strings of ``tree`` name, alone, with an object, or as the start of a name."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            name = node.value.partition(":")[0].rstrip(".")
+            parts = name.split(".")
+            found = (".".join(parts[:count]) for count in range(len(parts), 1, -1))
+            yield from [one for one in found if one in modules()][:1]
+
+
+def test_no_packages_name_each_other_in_a_circle_by_imports_or_strings() -> None:
+    pairs = {(a.split(".")[0], b.split(".")[0]) for a, b in imports().edges}
+    for module, path in modules().items():
+        tree = ast.parse(path.read_text())
+        pairs |= {(module.split(".")[0], name.split(".")[0]) for name in named_modules(tree)}
+    assert circles(networkx.DiGraph((a, b) for a, b in pairs if a != b)) == []
+
+
+def test_a_module_in_a_string_counts_where_it_is_the_whole_text_or_its_object_is_named() -> None:
+    tree = ast.parse("a = 'drive.cli'; b = 'vehicle.actuators.table:OWN'; c = 'see drive.plan'; d = 'drive'")
+    assert list(named_modules(tree)) == ["drive.cli", "vehicle.actuators.table"]
 
 
 @pytest.mark.parametrize("package", PACKAGES)

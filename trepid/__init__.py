@@ -37,23 +37,19 @@ __all__ = [
     "run",
     "sweep",
 ]
-_HOMES = {
-    "cockpit.api": ("Car", "OpenRecording", "explain", "load", "open_recording"),
-    "drive.api": ("drive",),
-    "perception.api": ("estimate",),
-    "sim_harness.api": ("run", "sweep"),
-    "sim_harness.footage.api": ("rate",),
-    "trepid.config": ("InputError",),
-}
-"""Module -> the names that it defines, imported by name: the package is the lowest of all, and its import light."""
 
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        """``name`` from the module that defines it."""
-        for module, names in _HOMES.items():
-            if name in names:
-                return getattr(import_module(module), name)
+        """``name`` from the module that defines it; the package is the lowest of all, and its import light."""
+        if name in __all__:
+            from trepid.config import InputError
+            from trepid.packages import offers
+
+            if name == "InputError":
+                return InputError
+            module = next(one.functions[name] for one in offers() if name in one.functions)
+            return getattr(import_module(module), name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -13,9 +13,8 @@ import traceback
 from collections import UserDict
 from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
 from io import TextIOWrapper
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -25,176 +24,58 @@ from typer.exceptions import TyperException
 from trepid import __version__
 from trepid.config import BAD_INPUT, INTERRUPTED, InputError
 from trepid.loudness import Loudness, detail, loudness, speak, warn
-from trepid.packages import check_packages
+from trepid.packages import Verb, check_packages, offers
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Numbers of the errors of a disk that takes no more."""
 
 
-class Verb(NamedTuple):
-    """A command, or a group of commands, of another package."""
+FIRST = (
+    "drive",
+    "init",
+    "doctor",
+    "sim",
+    "estimate",
+    "camera",
+    "detector",
+    "networks",
+    "calibrate",
+    "fear",
+    "vehicle",
+    "ros",
+    "keys",
+    "dataset",
+    "train",
+    "quantise",
+    "correct",
+    "train-lane",
+    "evaluate",
+    "train-lead",
+    "record",
+    "replay",
+    "export",
+    "compare",
+    "status",
+    "service",
+    "bench",
+)
+"""The order of the verbs in the help: by what a car needs first; further ones come last."""
 
-    module: str
-    name: str = "app"
-    help: str = ""  # in the list of verbs, which imports none of them; the first sentence of a command
 
-    def load(self) -> Any:
-        """The function of the command, or the Typer application of the group."""
-        return getattr(import_module(self.module), self.name)
+@cache
+def verbs() -> Mapping[str, Verb]:
+    """The verbs of all packages, in the order of the help."""
+    found = {name: verb for one in offers() for name, verb in one.verbs.items()}
+    return {
+        name: found[name]
+        for name in sorted(found, key=lambda name: FIRST.index(name) if name in FIRST else len(FIRST))
+    }
 
 
-VERBS = {
-    "drive": Verb(
-        "drive.cli",
-        "drive",
-        "Drive with all processes (camera, perception, supervisor, controller, vehicle) over Zenoh.",
-    ),
-    "init": Verb(
-        "cockpit.car.init",
-        "init",
-        "Write the folder of a new car: commented YAML files that override the defaults field by field.",
-    ),
-    "doctor": Verb(
-        "cockpit.car.cli",
-        "doctor",
-        "Check the machine and the car, with a remedy for each fault; exit code 1 when a check fails.",
-    ),
-    "sim": Verb("sim_harness.cli", help="Run scenarios in lock-step, faster than real time."),
-    "estimate": Verb(
-        "sim_harness.footage.estimate_cli",
-        "estimate",
-        "Estimate the lane, or find the vehicle ahead, in images, folders of images, videos and recordings.",
-    ),
-    "camera": Verb(
-        "cockpit.calibration.camera_cli", help="Calibrate a camera: its lens and how it is mounted."
-    ),
-    "detector": Verb("perception.lead.detector_cli", help="Detectors of vehicles on real roads."),
-    "networks": Verb(
-        "learning.segments.cli", help="Segmentation networks of lane lines and drivable area, for real roads."
-    ),
-    "calibrate": Verb("cockpit.calibration.rc_cli", help="Calibrate the pulses of an RC car, live."),
-    "fear": Verb("cockpit.rulebook.cli", help="Check, show and explain fuzzy rule files."),
-    "vehicle": Verb(
-        "cockpit.calibration.vehicle_cli",
-        help="Steering angles of the bicycle model, vehicle parameters from a log, margins of steering.",
-    ),
-    "ros": Verb("vehicle.ros.cli", help="The messages as a ROS 2 package."),
-    "keys": Verb("vehicle.keys.cli", help="Certificates of the processes of a car."),
-    "dataset": Verb("learning.dataset.cli", help="Data sets of recorded drives: build, look at, convert."),
-    "train": Verb(
-        "learning.training.cli",
-        "train",
-        "Train a network to steer from the frames of a data set; needs the extra 'train'.",
-    ),
-    "quantise": Verb(
-        "learning.training.cli",
-        "quantise",
-        "Convert a driving network to 8 bits where this pays; needs the extra 'train'.",
-    ),
-    "correct": Verb(
-        "learning.correcting.cli",
-        "correct",
-        "Let a network drive alone in the simulator, label where it drifts, train again; needs the extra 'train'.",
-    ),
-    "train-lane": Verb(
-        "learning.lane.train",
-        "train",
-        "Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'.",
-    ),
-    "evaluate": Verb(
-        "learning.judging.cli",
-        "evaluate",
-        "Judge driving networks on recorded angles, beside predictions without an image, on one core.",
-    ),
-    "train-lead": Verb(
-        "learning.lead.train",
-        "train_lead",
-        "Train the lead detector on rendered vehicles and write its weights; needs the extra 'train'.",
-    ),
-    "record": Verb("trepid.recording.cli", help="Keep the last minutes of a drive."),
-    "replay": Verb(
-        "cockpit.replay.cli",
-        "replay",
-        "Play a recording onto the bus, or run nodes on its inputs again and show what differs.",
-    ),
-    "export": Verb(
-        "cockpit.export.cli",
-        "export",
-        "Export a recording as table, video, figure, tub of donkeycar, LeRobot data set, or for Foxglove.",
-    ),
-    "compare": Verb(
-        "cockpit.compare.cli",
-        "compare",
-        "Compare two recordings, traces, files of stored runs, or folders of them, side by side.",
-    ),
-    "status": Verb(
-        "cockpit.status.cli",
-        "status",
-        "Show the processes of a running drive: up, rate, age of the last heartbeat, CPU, restarts, message.",
-    ),
-    "service": Verb(
-        "cockpit.status.cli",
-        "service",
-        "Write a systemd unit that drives a car, with readiness and watchdog notifications.",
-    ),
-    "bench": Verb(
-        "lab.bench.cli",
-        "bench",
-        "Measure time and accuracy of the parts, relative to a peer in the same run.",
-    ),
-}
-ADDED = {"fear": {"tune": Verb("sim_harness.tuning.cli", "tune")}}  # to the group of a lower package
-
-EXAMPLES = {
-    "drive": "trepid drive --scenario cut_in --duration 60 --record drive.mcap",
-    "init": "trepid init mycar --like shuttle",
-    "doctor": "trepid doctor --car mycar",
-    "sim list": "trepid sim list --tag traffic",
-    "sim run": "trepid sim run circuit s_curve --seeds 4 --jobs 2 --report runs.html",
-    "sim limits": "trepid sim limits cut_in --corners 8",
-    "sim resimulate": "trepid sim resimulate clip.mp4 --speed 25",
-    "sim schema": "trepid sim schema",
-    "sim disturbances": "trepid sim disturbances --picture kinds.png",
-    "sim leads": "trepid sim leads --picture leads.png",
-    "sim road show": "trepid sim road show town --picture town.png",
-    "sim road export": "trepid sim road export town town.xodr",
-    "sim road import": "trepid sim road import town.xodr town.yaml",
-    "estimate": "trepid estimate --annotate out.png road.jpg",
-    "camera import": "trepid camera import camera_info.yaml --out mycar/camera.yaml --force",
-    "camera calibrate": "trepid camera calibrate boards/ --out mycar/camera.yaml --force",
-    "detector list": "trepid detector list",
-    "detector fetch": "trepid detector fetch objectron",
-    "calibrate steering": "trepid calibrate steering --car mycar",
-    "fear schema": "trepid fear schema",
-    "fear export": "trepid fear export config/fear.yaml",
-    "fear import": "trepid fear import rules.fcl --like config/fear.yaml",
-    "fear check": "trepid fear check mycar/fear.yaml",
-    "fear show": "trepid fear show config/fear.yaml --surface disagreement separation speed=8",
-    "fear explain": "trepid fear explain config/fear.yaml lane_confidence=0.3 speed=8",
-    "fear tune": "trepid fear tune config/fear.yaml --trials 40 --out tuned.yaml",
-    "vehicle steer": "trepid vehicle steer --vehicle config/vehicle.yaml --curvature 0.05 --speed 8",
-    "vehicle identify": "trepid vehicle identify drive.mcap",
-    "vehicle margins": "trepid vehicle margins",
-    "ros package": "trepid ros package ~/ros2_ws/src",
-    "keys create": "trepid keys create mycar/keys",
-    "train-lane": "trepid train-lane --out out/train",
-    "train": "trepid train --data drives --model pilotnet --out net.onnx",
-    "quantise": "trepid quantise net.onnx --data drives --out net-8.onnx",
-    "correct": "trepid correct --data drives --model steer --scenario s_curve --rounds 3 --out net.onnx",
-    "train-lead": "trepid train-lead --out out/lead",
-    "dataset build": "trepid dataset build drives mycar/tub --lock-deg 25",
-    "dataset show": "trepid dataset show drives --picture drives.png",
-    "dataset export": "trepid dataset export drives mytub --as tub",
-    "evaluate": "trepid evaluate net.onnx --data drives",
-    "record keep": "trepid record keep --out near-miss.mcap",
-    "replay": "trepid replay drive.mcap --through supervisor --rules config/fear.yaml",
-    "export": "trepid export drive.mcap drive.csv --rate 20",
-    "compare": "trepid compare before.mcap after.mcap --picture both.png",
-    "status": "trepid status",
-    "service": "trepid service mycar --out ~/.config/systemd/user",
-    "bench": "trepid bench control --save docs/results",
-}
-"""The words of a verb -> an example, which its help shows."""
+@cache
+def examples() -> Mapping[str, str]:
+    """The words of a verb -> an example, which its help shows."""
+    return {words: text for one in offers() for words, text in one.examples.items()}
 
 
 def _chosen(wanted: Loudness, given: bool) -> None:
@@ -261,8 +142,9 @@ def _mounted(name: str, group: str, verb: Verb) -> Any:
         mount.command(name)(target)
     command = typer.main.get_group(mount).commands[name]
     _describe(command, f"{group} {name}".strip())
-    if name in ADDED:
-        command.commands = Mounted({**command.commands, **ADDED[name]}, name)  # type: ignore[attr-defined]
+    added = {word: one for part in offers() for word, one in part.added.get(name, {}).items()}
+    if added and not group:
+        command.commands = Mounted({**command.commands, **added}, name)  # type: ignore[attr-defined]
     return command
 
 
@@ -279,20 +161,20 @@ def _describe(command: Any, words: str) -> None:
         _describe(child, f"{words} {name}")
     if not hasattr(command, "commands"):
         command.params.extend(loudness_options())
-    if words in EXAMPLES:
-        command.epilog = escape(f"Example: {EXAMPLES[words]}")
+    if words in examples():
+        command.epilog = escape(f"Example: {examples()[words]}")
 
 
 class Verbs(TyperGroup):
     """The group of all verbs, each imported when it is used."""
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings | {"commands": Mounted(VERBS)})
+        super().__init__(**settings | {"commands": Mounted(verbs())})
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help with the texts of the table: the verbs take seconds to import."""
         listed = TyperGroup(name=self.name, help=self.help, params=self.params)
-        listed.commands.update({name: TyperCommand(name, help=verb.help) for name, verb in VERBS.items()})
+        listed.commands.update({name: TyperCommand(name, help=verb.help) for name, verb in verbs().items()})
         listed.format_help(ctx, formatter)
 
 

@@ -1,7 +1,16 @@
-"""Check of the packages: `perception`, `supervisor` and `controller` also exist on PyPI."""
+"""The packages of Trepid: what each offers, and their check.
+
+A package offers verbs, functions and programs in its module ``offers``, which imports nothing else, so that this
+one, the lowest of all, names no module of theirs. `perception`, `supervisor` and `controller` also exist on PyPI.
+"""
 
 import importlib.util
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from trepid.config import ROOT, InputError
 
@@ -17,6 +26,69 @@ PACKAGES = (
     "learning",
     "lab",
 )
+
+
+class Verb(NamedTuple):
+    """A command, or a group of commands, of a package."""
+
+    module: str
+    name: str = "app"
+    help: str = ""  # in the list of verbs, which imports none of them; the first sentence of a command
+
+    def load(self) -> Any:
+        """The function of the command, or the Typer application of the group."""
+        return getattr(import_module(self.module), self.name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offers:
+    """What a package offers; modules are named by it alone, and imported when they are used."""
+
+    verbs: Mapping[str, Verb] = field(default_factory=dict)
+    added: Mapping[str, Mapping[str, Verb]] = field(default_factory=dict)  # to the group of a lower package
+    examples: Mapping[str, str] = field(default_factory=dict)  # words of a verb -> an example for its help
+    functions: Mapping[str, str] = field(default_factory=dict)  # name in ``trepid`` -> module that defines it
+    publishes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # program -> keys of its topics
+    simulates: bool = False  # its programs are part of a simulator and need a scenario
+    courses: str = ""  # module that makes the course of a scenario
+    simulated_car: str = ""  # program of the simulated car
+
+
+OWN = Offers(
+    verbs={
+        "record": Verb("trepid.recording.cli", "app", "Keep the last minutes of a drive."),
+    },
+    examples={
+        "record keep": "trepid record keep --out near-miss.mcap",
+    },
+)
+NOTHING = Offers()
+
+
+@cache
+def offers_of(package: str) -> Offers:
+    """What ``package`` offers: nothing where it is none of Trepid's, or has no module ``offers``."""
+    if package == "trepid":
+        return OWN
+    if package not in PACKAGES or importlib.util.find_spec(f"{package}.offers") is None:
+        return NOTHING
+    found: Offers = import_module(f"{package}.offers").OFFERS
+    return found
+
+
+def offers() -> Iterator[Offers]:
+    """What the packages offer, from the lowest on; each is imported when it is asked for."""
+    return map(offers_of, PACKAGES)
+
+
+def courses() -> str:
+    """The module that makes the courses of scenarios."""
+    return next(one.courses for one in offers() if one.courses)
+
+
+def simulated_car() -> str:
+    """The program of the simulated car."""
+    return next(one.simulated_car for one in offers() if one.simulated_car)
 
 
 def check_packages() -> None:

@@ -29,19 +29,16 @@ from trepid.config import (
     read,
     wrong_at,
 )
+from trepid.packages import offers_of
 from trepid.plugins import Group, added
 from trepid.processes.realtime import OPTION, PRIORITIES
 from trepid.security import AUTHORITY, OBSERVER
 from trepid.spelling import did_you_mean
 from trepid.topics import (
-    CAMERA_COMPRESSED,
-    CAMERA_IMAGE,
-    DRIVER_INPUT,
     IMAGE_STATISTICS,
     LEAD_VEHICLE,
     ROAD_USERS,
     SIM_TRUTH,
-    STOP_REQUEST,
     VEHICLE_STATE,
 )
 from trepid.types import NonNegative
@@ -55,17 +52,6 @@ LAUNCHER = "launcher"
 RESERVED = (LAUNCHER, OBSERVER, AUTHORITY)
 """Names that no process may have: their certificates belong to others."""
 PROGRAMS = ("module", "command", "entry_point")
-SIMULATORS = ("sim_harness.", "lab.")
-"""Packages of the modules that need a scenario."""
-COURSES = "sim_harness.live.course"
-"""The module of the simulator that makes the course of a scenario: imported when a drive asks for one."""
-PUBLISHED: Mapping[str, tuple[str, ...]] = {
-    "vehicle.actuators.node": (VEHICLE_STATE.key,),
-    "vehicle.cameras.node": (CAMERA_IMAGE.key, CAMERA_COMPRESSED.key),
-    "vehicle.driver.node": (DRIVER_INPUT.key,),
-    "cockpit.page.node": (STOP_REQUEST.key,),
-}
-"""Topics of modules for a real car, where an entry does not give them."""
 ESTIMATE = re.compile(r"perception/([^/]+)/estimate")
 
 Nice = Annotated[int, Field(ge=-20, le=19)]
@@ -101,6 +87,11 @@ class Handling(Settings):
     nice: Nice
 
 
+def _own_topics(module: str) -> tuple[str, ...]:
+    """Keys of the topics of a program of Trepid, where an entry does not give them."""
+    return offers_of(module.split(".", maxsplit=1)[0]).publishes.get(module, ())
+
+
 class ProcessSettings(Settings):
     """One process: its program, and how it differs from the defaults."""
 
@@ -112,7 +103,7 @@ class ProcessSettings(Settings):
     options: dict[str, Any] = Field(default_factory=dict)
     publishes: tuple[
         str, ...
-    ] = ()  # keys of the topics; default: PUBLISHED, or the estimate of the estimator
+    ] = ()  # keys of the topics; default: what its package says, or the estimate of the estimator
     heartbeat: bool | None = None  # it reports to the launcher; default: all but commands
     restart: Restart | None = None
     max_restarts: Restarts | None = None
@@ -134,7 +125,7 @@ class ProcessSettings(Settings):
     def topics(self) -> tuple[str, ...]:
         """Keys of the topics that the process publishes."""
         name = self.options.get("estimator")
-        own = (f"perception/{name}/estimate",) if name else PUBLISHED.get(self.module or "", ())
+        own = (f"perception/{name}/estimate",) if name else _own_topics(self.module or "")
         return self.publishes or own
 
     @property
@@ -172,7 +163,7 @@ class ProcessSpec:
     @property
     def simulates(self) -> bool:
         """True when the process is a part of the simulator and needs a scenario."""
-        return self.module.startswith(SIMULATORS) or "sim/truth" in self.publishes
+        return offers_of(self.module.split(".")[0]).simulates or "sim/truth" in self.publishes
 
     @property
     def is_vehicle(self) -> bool:

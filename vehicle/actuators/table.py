@@ -10,6 +10,7 @@ from ruamel.yaml.comments import CommentedMap
 
 from trepid import plugins
 from trepid.config import CONFIG_DIR, InputError, Settings, parse, place, read
+from trepid.packages import simulated_car
 from trepid.spelling import did_you_mean
 from vehicle.actuators.actuator import Actuator, ActuatorKind, Car
 
@@ -23,7 +24,6 @@ OWN: Mapping[str, str] = MappingProxyType(
 )
 """Name -> module and class; imported when chosen, because the libraries of a wire are extras."""
 SIMULATED = "sim"
-SIMULATOR = "sim_harness.live.vehicle_node"
 FILE = CONFIG_DIR / "actuator.yaml"
 
 
@@ -81,7 +81,7 @@ def build(car: Car) -> tuple[str, Actuator]:
     if settings is None:
         where = place(read(FILE), ["actuator"], FILE)
         raise InputError(
-            f"{where}: actuator: {SIMULATED!r} is the car of the process {SIMULATOR}: run that module in "
+            f"{where}: actuator: {SIMULATED!r} is the car of the process {simulated_car()}: run that module in "
             f"processes.yaml, or choose one of {', '.join(names()[1:])}"
         )
     try:
