@@ -45,6 +45,8 @@ OFFERS = Offers(
         ),
     },
     examples={
+        "networks list": "trepid networks list",
+        "networks fetch": "trepid networks fetch twinlitenet",
         "train-lane": "trepid train-lane --out out/train",
         "train": "trepid train --data drives --model pilotnet --out net.onnx",
         "quantise": "trepid quantise net.onnx --data drives --out net-8.onnx",

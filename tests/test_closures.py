@@ -60,8 +60,8 @@ CLOSURES = {
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
         {"perception"},
-        29,
-        2_900,
+        42,
+        4_150,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
