@@ -43,11 +43,12 @@ class Segments:
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane in ``frame``; ``state`` gives the motion since the last frame."""
         if problem := unusable(frame.image):
-            return SteeringEstimate.nothing(
-                frame.t_s, estimator=NAME, lookahead_m=self._lookahead_m, reason=problem
-            )
+            return self._nothing(frame, problem)
         image = as_bgr(frame.image)
-        picture = drawn(self._segmenter(image))
+        masks = self._segmenter(image)
+        if not masks.finite:
+            return self._nothing(frame, "the network's output is not finite")
+        picture = drawn(masks)
         found = self._finder.step(replace(frame, image=picture), state, now_s=now_s)
         scale = image.shape[1] / picture.shape[1]
         return replace(
@@ -55,6 +56,11 @@ class Segments:
             estimator=NAME,
             left_boundary_px=_enlarged(found.left_boundary_px, scale),
             right_boundary_px=_enlarged(found.right_boundary_px, scale),
+        )
+
+    def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
+        return SteeringEstimate.nothing(
+            frame.t_s, estimator=NAME, lookahead_m=self._lookahead_m, reason=reason
         )
 
 

@@ -73,6 +73,11 @@ class Masks(NamedTuple):
     lines: Floats | None
     area: Floats | None
 
+    @property
+    def finite(self) -> bool:
+        """Every probability is a finite number."""
+        return all(np.isfinite(mask).all() for mask in self if mask is not None)
+
 
 class Segmenter:
     """A segmentation network, ready to run."""

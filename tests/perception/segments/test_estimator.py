@@ -97,6 +97,20 @@ def test_without_a_camera_file_the_lines_of_the_masks_give_the_horizon(
     assert left[0, 0] < camera.width_px / 2 < right[0, 0]
 
 
+@pytest.mark.parametrize("broken", ["lines", "area"])
+def test_masks_that_are_not_finite_are_no_lane_and_end_with_the_frame(broken: str, tmp_path: Path) -> None:
+    network, image = segmenter(tmp_path), road((0.2, 0.0, 0.0, 0.0))
+    sound = network(image)
+    answers = [sound, sound._replace(**{broken: np.full_like(sound.lines, np.nan)}), sound]
+    estimator = Segments(lambda _: answers.pop(0), LaneCv(SETTINGS, CAMERA, VEHICLE), lookahead_m=LOOKAHEAD_M)
+    frames = [Frame(t_s=number / 25, image=image) for number in range(3)]
+    before, during, after = (estimator.step(frame, None, now_s=frame.t_s) for frame in frames)
+    assert during.lateral_offset_m is None and during.confidence == 0.0
+    assert during.reason == "the network's output is not finite"
+    for seen in (before, after):
+        assert seen.lateral_offset_m == pytest.approx(0.2, abs=0.1)
+
+
 def test_a_network_that_was_not_fetched_is_named_with_the_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
