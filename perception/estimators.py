@@ -175,9 +175,9 @@ def _segments(camera: Camera, vehicle: Vehicle) -> Estimator:
 
 
 def _segments_assumed(camera: Camera, vehicle: Vehicle, finder: "WhichLane") -> Estimator:
-    from perception.segments.estimator import build
+    from perception.segments.unknown_camera import build
 
-    return build(camera, vehicle, lane_cv_settings(), assumed=True)
+    return build(vehicle, lane_cv_settings())
 
 
 def _has_segments() -> bool:

@@ -63,6 +63,12 @@ CLOSURES = {
         42,
         4_150,
     ),
+    "segments": Closure(
+        "import perception.node, perception.segments.estimator",
+        {"perception"},
+        56,
+        5_000,
+    ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
         {"perception"},
@@ -115,7 +121,7 @@ WHOLE_CAR = Closure(
     "\n".join([*(one.statements for one in CLOSURES.values()), DRIVERS]),
     {"perception", "supervisor", "controller", "vehicle", "drive", "cockpit"},
     250,
-    22_600,
+    22_750,
 )
 """All of a car: launcher, every node, every driver of cameras, actuators and driver input, bridge to ROS 2."""
 

@@ -7,32 +7,34 @@
 """
 
 from dataclasses import replace
+from typing import Protocol
 
-from perception.camera.odometry import Odometry
-from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
 from perception.lane.lane_cv import LaneCv
 from perception.lane.rating import Features
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import as_bgr, unusable
-from perception.lane.which_lane import WhichLane
 from perception.segments.network import Segmenter
 from perception.segments.picture import drawn
 from perception.segments.settings import SegmentSettings, described, network_file, segment_settings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
-from trepid.types import Image
 
 NAME = "segments"
-MATERIAL = 0.01  # change of the horizon, in widths of the image, with which the search begins anew
+
+
+class LaneFinder(Protocol):
+    """Measures the lane in a picture of the masks. Its only state comes from earlier steps."""
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The lane in the picture of ``frame``."""
+        ...
 
 
 class Segments:
     """Estimator ``segments``. Its state is that of the lane finder."""
 
-    def __init__(
-        self, segmenter: Segmenter, finder: "LaneCv | LaneOfPictures", *, lookahead_m: float
-    ) -> None:
+    def __init__(self, segmenter: Segmenter, finder: LaneFinder, *, lookahead_m: float) -> None:
         self._segmenter, self._finder, self._lookahead_m = segmenter, finder, lookahead_m
 
     @property
@@ -64,40 +66,9 @@ class Segments:
         )
 
 
-class LaneOfPictures:
-    """The lane in pictures of an unknown camera, whose horizon is that of the lines in the first of them.
-
-    The masks leave nothing but the road, so that its lines, and not those of houses, point to the horizon.
-    """
-
-    def __init__(self, settings: LaneCvSettings, vehicle: Vehicle) -> None:
-        self._settings, self._vehicle = settings, vehicle
-        self._pictures: list[Image] = []
-        self.camera: Camera | None = None  # as known so far
-        self._finder: WhichLane | None = None
-
-    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
-        """The more probable lane of both finders of :class:`WhichLane`."""
-        return self._finder_of(frame.image).step(frame, state, now_s=now_s)
-
-    def _finder_of(self, picture: Image) -> WhichLane:
-        """The finder for the camera of all pictures so far."""
-        if self._finder is None or len(self._pictures) < CALIBRATION_FRAMES:
-            self._pictures.append(picture)
-            camera = self_calibrated(self._pictures, self._settings.self_calibration)
-            if self._finder is None or _differs(camera, self.camera):
-                self.camera = camera
-                self._finder = WhichLane(self._settings, camera, self._vehicle, Odometry.NONE)
-        return self._finder
-
-
 def _enlarged(path: PixelPath, scale: float) -> PixelPath:
     """Places in the picture as places in the image, ``scale`` times as wide."""
     return tuple(((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5) for x, y in path)
-
-
-def _differs(one: Camera, other: Camera | None) -> bool:
-    return other is None or abs(one.horizon_row_px - other.horizon_row_px) > MATERIAL * one.width_px
 
 
 def segmenter_of(settings: SegmentSettings) -> Segmenter:
@@ -105,12 +76,8 @@ def segmenter_of(settings: SegmentSettings) -> Segmenter:
     return Segmenter(network_file(settings), described(settings.network))
 
 
-def build(camera: Camera, vehicle: Vehicle, lane_cv: LaneCvSettings, *, assumed: bool = False) -> Segments:
-    """The estimator for ``camera``; of an ``assumed`` one only the size is used. Raises InputError."""
+def build(camera: Camera, vehicle: Vehicle, lane_cv: LaneCvSettings) -> Segments:
+    """The estimator for ``camera``. Raises InputError."""
     own = segment_settings()
-    segmenter = segmenter_of(own)
-    if assumed:
-        finder: LaneCv | LaneOfPictures = LaneOfPictures(lane_cv, vehicle)
-    else:
-        finder = LaneCv(lane_cv.model_copy(update={"confidence": own.confidence}), camera, vehicle)
-    return Segments(segmenter, finder, lookahead_m=lane_cv.steering.lookahead_m)
+    finder = LaneCv(lane_cv.model_copy(update={"confidence": own.confidence}), camera, vehicle)
+    return Segments(segmenter_of(own), finder, lookahead_m=lane_cv.steering.lookahead_m)

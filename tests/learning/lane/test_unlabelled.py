@@ -89,7 +89,9 @@ def test_frames_of_folders_and_images_are_read_as_drives_of_their_own(tmp_path: 
     assert found.digest != read_drives([folder], CANONICAL, most_frames=3).digest
     assert found.digest != Unlabelled(found.images, np.array([0, 0, 1, 1])).digest
     cv2.imwrite(str(folder / "9.png"), np.full((60, 80, 3), 9, np.uint8))
-    with pytest.raises(InputError, match=r"9\.png: 80 x 60 px, but the first image of the drive has 160 x 120 px"):
+    with pytest.raises(
+        InputError, match=r"9\.png: 80 x 60 px, but the first image of the drive has 160 x 120 px"
+    ):
         read_drives([folder], CANONICAL, most_frames=9)
     with pytest.raises(InputError, match="nowhere"):
         read_drives([tmp_path / "nowhere"], CANONICAL, most_frames=3)

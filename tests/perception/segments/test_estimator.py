@@ -9,8 +9,9 @@ from segment_rig import segmenter, write_network
 
 from perception.estimators import entry_of
 from perception.lane.lane_cv import LaneCv
-from perception.segments.estimator import LaneOfPictures, Segments
+from perception.segments.estimator import Segments
 from perception.segments.settings import described, network_file, segment_settings
+from perception.segments.unknown_camera import LaneOfPictures
 from trepid.config import InputError
 from trepid.messages import Frame, SteeringEstimate
 

@@ -1,0 +1,51 @@
+"""The lane in pictures of masks from a camera without a camera file."""
+
+from perception.camera.odometry import Odometry
+from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
+from perception.lane.settings import LaneCvSettings
+from perception.lane.which_lane import WhichLane
+from perception.segments.estimator import Segments, segmenter_of
+from perception.segments.settings import segment_settings
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.types import Image
+
+MATERIAL = 0.01  # change of the horizon, in widths of the image, with which the search begins anew
+
+
+class LaneOfPictures:
+    """The lane in pictures of an unknown camera, whose horizon is that of the lines in the first of them.
+
+    The masks leave nothing but the road, so that its lines, and not those of houses, point to the horizon.
+    """
+
+    def __init__(self, settings: LaneCvSettings, vehicle: Vehicle) -> None:
+        self._settings, self._vehicle = settings, vehicle
+        self._pictures: list[Image] = []
+        self.camera: Camera | None = None  # as known so far
+        self._finder: WhichLane | None = None
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The more probable lane of both finders of :class:`WhichLane`."""
+        return self._finder_of(frame.image).step(frame, state, now_s=now_s)
+
+    def _finder_of(self, picture: Image) -> WhichLane:
+        """The finder for the camera of all pictures so far."""
+        if self._finder is None or len(self._pictures) < CALIBRATION_FRAMES:
+            self._pictures.append(picture)
+            camera = self_calibrated(self._pictures, self._settings.self_calibration)
+            if self._finder is None or _differs(camera, self.camera):
+                self.camera = camera
+                self._finder = WhichLane(self._settings, camera, self._vehicle, Odometry.NONE)
+        return self._finder
+
+
+def _differs(one: Camera, other: Camera | None) -> bool:
+    return other is None or abs(one.horizon_row_px - other.horizon_row_px) > MATERIAL * one.width_px
+
+
+def build(vehicle: Vehicle, lane_cv: LaneCvSettings) -> Segments:
+    """The estimator ``segments`` without a camera file. Raises InputError."""
+    finder = LaneOfPictures(lane_cv, vehicle)
+    return Segments(segmenter_of(segment_settings()), finder, lookahead_m=lane_cv.steering.lookahead_m)
