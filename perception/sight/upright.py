@@ -10,13 +10,15 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.sight.settings import HiddenSettings
 from trepid.car.camera import Camera
 from trepid.types import Image, Mask
 
 AROUND_RAD = 0.02  # to both sides of the horizon: an edge has its contrast here
-SAMPLE = 2  # every second pixel gives the usual step of the ground
+SAMPLE = 2  # every second row gives the usual step of the ground
+BLOCK_PX = 8  # of JPEG and MPEG
 BREAK_PX = 3  # a gap of one row does not break an edge
 SAME_PX = 2  # columns between two edges that are one
 GRAIN_PX = 3  # rows below the horizon that may still show what is beyond it
@@ -54,10 +56,8 @@ class UprightEdges:
         difference = cv2.absdiff(band[:, 2:], band[:, :-2])
         blue, green, red = cv2.split(difference)
         step = cv2.blur(cv2.max(cv2.max(blue, green), red), (1, BREAK_PX))
-        settings, up = self._settings, self._up_px
-        ground = step[up + GRAIN_PX :: SAMPLE, ::SAMPLE]
-        usual = float(np.partition(ground, ground.size // 2, axis=None)[ground.size // 2])
-        least = max(settings.least_step_grey, settings.step_multiple * usual)
+        up = self._up_px
+        least = self._least_steps(step[up + GRAIN_PX :: SAMPLE])
         steep = cv2.dilate((step >= least).astype(np.uint8), np.ones((1, 3), np.uint8))
         is_edge = cv2.morphologyEx(steep, cv2.MORPH_CLOSE, np.ones((BREAK_PX, 1), np.uint8)) > 0
         around = step[up - self._around_px : up + self._around_px].mean(axis=0, dtype=np.float32)
@@ -73,6 +73,16 @@ class UprightEdges:
             )  # a difference lacks the first column
             edges.append(Edge(column_px, self._horizon + float(np.median(down_px[one])) - 0.5))
         return edges
+
+    def _least_steps(self, ground: np.ndarray) -> NDArray[np.float32]:
+        """The least step of an edge in each column, by the usual step of the ``ground`` in columns of its phase.
+
+        An image that was compressed by blocks steps at their sides, and these lie in every eighth column.
+        """
+        phases = ground[:, : ground.shape[1] // BLOCK_PX * BLOCK_PX].reshape(-1, BLOCK_PX)
+        usual = np.partition(phases, len(phases) // 2, axis=0)[len(phases) // 2]
+        least = np.maximum(self._settings.least_step_grey, self._settings.step_multiple * usual)
+        return np.resize(least, ground.shape[1]).astype(np.float32)
 
 
 def _run(is_edge: Mask) -> np.ndarray:

@@ -12,6 +12,7 @@ from sight_rig import CAMERA, SETTINGS, arc, bend, misty, with_box, with_trees
 from perception.sight.hidden import End, HiddenRoad, HiddenWatch
 from perception.sight.observer import Sight, SightObserver
 from perception.sight.path import Path, path_of
+from perception.sight.upright import Edge, UprightEdges
 from trepid.car.camera import Camera
 from trepid.causes import Cause
 from trepid.messages import Frame, SteeringEstimate
@@ -54,6 +55,24 @@ def test_a_lorry_in_the_lane_ends_the_sight_at_its_base(ahead_m: float) -> None:
     assert sight.cause == Cause.OCCLUDED
     assert sight.distance_m == pytest.approx(ahead_m, rel=0.15)
     assert abs(sight.distance_m - ahead_m) < 2 * sight.sigma_m
+
+
+def in_blocks(image: np.ndarray, step_grey: float, seed: int) -> np.ndarray:
+    """``image`` with the steps between blocks of 8 x 8 pixels that strong JPEG compression leaves."""
+    rows, columns = (-(-size // 8) for size in image.shape[:2])
+    offset = np.random.default_rng(seed).uniform(-step_grey, step_grey, (rows, columns))
+    blocks = np.kron(offset, np.ones((8, 8)))[: image.shape[0], : image.shape[1]]
+    return np.clip(image + blocks, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_blocks_of_a_compressed_image_are_no_sides_of_things(seed: int) -> None:
+    def find(image: np.ndarray) -> list[Edge]:
+        return UprightEdges(CAMERA, SETTINGS.hidden).find(np.repeat(image[:, :, None], 3, axis=2))
+
+    assert len(find(in_blocks(CLEAR, 20.0, seed))) <= len(find(CLEAR))
+    sight = watched(in_blocks(with_box(CLEAR, 20.0), 6.0, seed), arc(0.0))
+    assert sight.distance_m == pytest.approx(20.0, rel=0.15) and sight.cause == Cause.OCCLUDED
 
 
 @pytest.mark.parametrize("left_m", [-4.5, 4.5])
