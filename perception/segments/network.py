@@ -68,7 +68,7 @@ class SegmentNetwork(Settings):
 
 
 class Masks(NamedTuple):
-    """Probabilities 0..1 in the pixels of the whole image at the width of the network; None: not told apart."""
+    """Probabilities 0..1 in the pixels of the whole image at the width of the network; None without such a mask."""
 
     lines: Floats | None
     area: Floats | None

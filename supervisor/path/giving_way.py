@@ -3,7 +3,7 @@
 Of each road user count its free way s ahead of the front bumper, its gap g beside the strip that the car drives
 over (half its width, a margin, and the deviation of path and detector, which grows with the distance), and the
 speed w of its approach. It is in the strip after t = g/w, where w is at least the speed u of a worst-case side
-step: who stands may walk, and a cyclist who does not ride along the lane may set off across it, at least as fast.
+step: a standing person may walk, and a cyclist not riding along the lane may set off across it, at least as fast.
 With the reaction time ρ,
 
     in the strip          v·ρ + v²/(2·a) ≤ s - s₀                             it stands s₀ before it, comfortably
