@@ -6,6 +6,7 @@ import urllib.request
 from pathlib import Path
 
 from trepid.config import InputError
+from trepid.files.whole import write_whole
 
 TIMEOUT_S = 60.0
 
@@ -29,11 +30,8 @@ def download(address: str) -> bytes:
 
 def store(path: Path, content: bytes) -> None:
     """Write ``content`` whole or not at all. Raises InputError, and then leaves nothing behind."""
-    fresh = path.with_suffix(f".{os.getpid()}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        fresh.write_bytes(content)
-        fresh.replace(path)
+        write_whole(path, content)
     except OSError as error:
-        fresh.unlink(missing_ok=True)
         raise InputError(f"{path}: cannot be written: {error.strerror}") from error
