@@ -1,7 +1,9 @@
 """Occlusion: where a thing that stands on the ground hides the road, from its sides (:mod:`.upright`).
 
 *In the lane.* Between two sides on the left and on the right of the lane, as far apart as those of a vehicle,
-nothing looks as the road right before it does: the sight ends at the base.
+nothing looks as the road right before it does: the sight ends at the base. Both sides of a thing end there, too.
+Two things that stand on the left and on the right of the lane leave a gap with two sides, in which the road is seen
+up to the horizon: there the sides end below what looks otherwise, and far ground that gets lighter is no step.
 
 *Beside the lane.* A wall, a hedge or a house on the inside of a bend hides what lies behind its last visible
 side. A wall that follows the lane at the distance c is touched by the line of sight at
@@ -49,6 +51,8 @@ LEAVES_PX = 4.0  # τ: an edge is at most two columns wide to both sides
 WITHIN = 0.5  # sag of the lane over c where a base that is seen too near by 0.7 lies within a bend
 WHOLE, LOST = 0.7, 0.5  # shares of pixels that look otherwise
 BASE_PX = 0.7  # error of a base
+SIDE_PX = 2.0  # rows by which the shorter side of a thing reaches below its base, for the smoothing of edges
+BASE_STEP = 2.0  # times the least step of a side: of a base above the ends of its sides
 BEYOND_PX = (3, 13)  # columns beyond a side, in which a thing hides the horizon
 AHEAD_HALF_M = 0.9  # of the lane that a thing in it fills
 BASE_UNKNOWN_M = 3.0  # error of the lane at a thing whose base is not yet known
@@ -112,6 +116,10 @@ class HiddenRoad:
                 base_row = self._base_row(image, path, columns_px, left, right, math.ceil(row))
                 if base_row is None:
                     continue
+                if row - base_row > SIDE_PX:
+                    columns = image[:, self._ahead(path, left, right, math.ceil(row))]
+                    if _base_step_grey(columns, base_row) < BASE_STEP * self._settings.least_step_grey:
+                        continue  # a gap between two things
                 distance_m = self._distance_m(base_row)
                 error_m = self._settings.lane_error_1pm * distance_m**2 / 2
                 if self._is_ahead(path, left, right, distance_m, error_m):
@@ -136,12 +144,7 @@ class HiddenRoad:
         if look is None:
             return None
         first = round(self._horizon_px) + GRAIN_PX
-        half_px = AHEAD_HALF_M * self._camera.fx_px / self._distance_m(last)
-        middle_px = (left.column_px + right.column_px) / 2
-        room_px = max(middle_px - left.column_px - half_px, 0.0)
-        column_px = self._column(path, self._distance_m(last))
-        column_px = min(max(column_px, middle_px - room_px), middle_px + room_px)
-        rows = image[first : last + 1, math.floor(column_px - half_px) + 1 : math.ceil(column_px + half_px)]
+        rows = image[first : last + 1, self._ahead(path, left, right, last)]
         if rows.size == 0:
             return None
         is_other = (look.distance(rows) > self._settings.other_sigmas).mean(axis=1) >= WHOLE
@@ -150,6 +153,15 @@ class HiddenRoad:
             return None
         base_row = first + int(found[-1]) - 0.5 + _covered(rows[: found[-1] + 1], look.mean)
         return base_row if self._distance_m(base_row) <= self._settings.far_m else None
+
+    def _ahead(self, path: Path, left: Edge, right: Edge, row_px: float) -> slice:
+        """The columns between two sides that the car would drive through, by the distance of a row."""
+        half_px = AHEAD_HALF_M * self._camera.fx_px / self._distance_m(row_px)
+        middle_px = (left.column_px + right.column_px) / 2
+        room_px = max(middle_px - left.column_px - half_px, 0.0)
+        column_px = self._column(path, self._distance_m(row_px))
+        column_px = min(max(column_px, middle_px - room_px), middle_px + room_px)
+        return slice(math.floor(column_px - half_px) + 1, math.ceil(column_px + half_px))
 
     def _beside_it(
         self, image: Image, path: Path, columns_px: list[float], edges: list[Edge]
@@ -272,6 +284,13 @@ class HiddenRoad:
         camera = self._camera
         below_rad = math.atan((row_px - camera.cy_px) / camera.fy_px) + camera.pitch_down_rad
         return camera.height_m / math.tan(below_rad)
+
+
+def _base_step_grey(columns: Image, base_row_px: float) -> float:
+    """Greatest difference of a channel between the rows above a base and below it; ``columns``: (n, columns, 3)."""
+    base = math.ceil(base_row_px)
+    above, below = (columns[base + first : base + first + 2].mean(axis=(0, 1)) for first in (-2, 2))
+    return float(np.abs(above - below).max())
 
 
 def _covered(rows: Image, road: Array) -> float:

@@ -196,3 +196,21 @@ def test_a_single_frame_and_frames_after_a_pause_decide_nothing() -> None:
         watch.step(end, number * PERIOD_S)
     assert watch.step(end, 5.0) is None
     assert watch.step(end, 1.0) is None
+
+
+@pytest.mark.parametrize("gap_m", [2.6, 3.2, 3.8])
+@pytest.mark.parametrize("ahead_m", [16.0, 20.0, 24.0])
+def test_the_road_between_two_parked_vehicles_hides_nothing(gap_m: float, ahead_m: float) -> None:
+    below_px = np.arange(len(CLEAR)) - CAMERA.horizon_row_px
+    lighter = np.where(below_px > 0, 45 * np.exp(-below_px / 4), 0.0)  # far ground, as it is before the sun
+    image = (CLEAR + lighter[:, None]).clip(0, 255).astype(np.uint8)
+    for side in (1, -1):
+        image = with_box(image, ahead_m, left_m=side * (gap_m / 2 + 0.9), width_m=1.8, tall_m=2.2)
+    assert watched(image, arc(0.0)).cause != Cause.OCCLUDED
+
+
+def test_a_lorry_beyond_a_gap_ends_the_sight() -> None:
+    image = with_box(CLEAR, 40.0)
+    for side in (1, -1):
+        image = with_box(image, 24.0, left_m=side * 2.6, width_m=1.8, tall_m=2.2)
+    assert watched(image, arc(0.0)).cause == Cause.OCCLUDED
