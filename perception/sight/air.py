@@ -12,6 +12,10 @@ has fallen to 5 % (WMO No. 8). Two independent facts are used:
   the light (Hautière, Tarel, Lavenant, Aubert, Automatic fog detection and estimation of visibility distance
   through use of an onboard camera, Machine Vision and Applications 17, 2006) and the decay of the contrast
   across the road. The sky at the horizon shows A where it is even.
+
+  Wet ground mirrors the sky: it gets lighter with distance, as in fog, but most of it within the first 20 m,
+  and its lines keep their contrast. So R is R + M·F(ε), with the reflectance F of water (Fresnel) at the grazing
+  angle ε of the line of sight and one M ≥ 0 for the whole strip.
 - the *bound*: nothing has more contrast than black before A, so that a contrast C at the distance d refutes
   every range below 3·d/ln(1/C). It is taken on the ground, and above the horizon between the sides of the lane
   at the distance d, where nothing nearer stands. Trees, houses and clouds ahead refute fog in clear air."""
@@ -28,6 +32,8 @@ from perception.sight.strip import Ground
 from trepid.car.camera import Camera
 from trepid.types import Array, Floats
 
+WATER_INDEX = 1.33  # of refraction
+TINY = 1e-12
 DARKEST = 0.004  # linear light: a sixteenth of grey 255
 LEAST_CELLS = 24  # for a fit
 SKY_NOISE = 1.5  # times the noise of a cell
@@ -64,6 +70,7 @@ class AirFit:
         # Every range with every unevenness of the road: (ranges · unevennesses, bands).
         self._passed = np.tile(passed, (len(settings.unevenness), 1))
         self._uneven = np.repeat(np.array(settings.unevenness), settings.steps)[:, None]
+        self._mirrored = self._passed * reflectance_of_water(np.arctan2(camera.height_m, distance_m))
 
     def range_of(self, light: Floats, sky: Sky | None, ground: Ground, path: Path) -> Range | None:
         """The range in a frame of linear ``light``; None where the ground is not seen."""
@@ -90,24 +97,27 @@ class AirFit:
     def _fit(self, ground: Ground, sky: Sky | None, top: float) -> Range:
         """Mean and deviation of the logarithm of the range, under a prior that is even in it."""
         settings, seen = self._settings, ground.seen.astype(float)
-        noise, passed = settings.noise * top, self._passed
+        noise, passed, mirrored, airy = settings.noise * top, self._passed, self._mirrored, 1 - self._passed
         weight = 1 / ((self._uneven * settings.reflectance * top * passed) ** 2 + noise**2)
         prior = (settings.reflectance_sigma * top) ** -2
         expected = settings.reflectance * top
         light = seen * ground.light
         rr = (passed**2 * weight) @ seen + prior
-        ra = (passed * (1 - passed) * weight) @ seen
+        ra, rm = (passed * airy * weight) @ seen, (passed * mirrored * weight) @ seen
         rl = (passed * weight) @ light + prior * expected
-        aa = ((1 - passed) ** 2 * weight) @ seen
-        al = ((1 - passed) * weight) @ light
         ll = weight @ (light * ground.light) + prior * expected**2
-        # Of A, once every R is eliminated: quadratic, linear and constant term of the sum of squares.
-        quadratic = (aa - ra**2 / rr).sum(axis=1)
-        linear = (al - ra * rl / rr).sum(axis=1)
-        constant = (ll - rl**2 / rr).sum(axis=1)
+        # Of A and M, once every R is eliminated: quadratic, linear and constant terms of the sum of squares.
         known, level = (0.0, 0.0) if sky is None else (self._weight_of(sky, noise), sky.level)
-        airlight = (linear + known * level) / np.maximum(quadratic + known, 1e-12)
-        rest = constant - 2 * airlight * linear + airlight**2 * quadratic + known * (airlight - level) ** 2
+        aa = ((airy**2 * weight) @ seen - ra**2 / rr).sum(axis=1) + known
+        am = ((airy * mirrored * weight) @ seen - ra * rm / rr).sum(axis=1)
+        mm = ((mirrored**2 * weight) @ seen - rm**2 / rr).sum(axis=1) + (settings.mirror_sigma * top) ** -2
+        al = ((airy * weight) @ light - ra * rl / rr).sum(axis=1) + known * level
+        ml = ((mirrored * weight) @ light - rm * rl / rr).sum(axis=1)
+        mirror = np.maximum(aa * ml - am * al, 0.0) / np.maximum(aa * mm - am**2, TINY)
+        airlight = (al - am * mirror) / np.maximum(aa, TINY)
+        constant = (ll - rl**2 / rr).sum(axis=1) + known * level**2
+        rest = constant - 2 * (airlight * al + mirror * ml)
+        rest += airlight**2 * aa + 2 * airlight * mirror * am + mirror**2 * mm
         spread = -np.log(weight) @ seen.sum(axis=1) + np.log(rr).sum(axis=1)
         score = -0.5 * (rest + spread) * settings.independent / seen.sum()
         likely = np.exp(score - score.max()).reshape(len(settings.unevenness), -1).sum(axis=0)
@@ -170,6 +180,14 @@ class AirFit:
         first = max(last - math.ceil(up_rad * self._camera.fy_px), 0)
         left, right = max(math.floor(column_px - half_px), 0), math.ceil(column_px + half_px) + 1
         return light[first : max(last, 0), left:right]
+
+
+def reflectance_of_water(grazing_rad: Array) -> Array:
+    """Share of unpolarised light that still water reflects at an angle to its surface (Fresnel 1823)."""
+    out, within = np.sin(grazing_rad), np.sqrt(1 - (np.cos(grazing_rad) / WATER_INDEX) ** 2)
+    across = (out - WATER_INDEX * within) / (out + WATER_INDEX * within)
+    along = (within - WATER_INDEX * out) / (within + WATER_INDEX * out)
+    return np.asarray((across**2 + along**2) / 2)
 
 
 def _quantile(values: Floats | Array, share: float) -> float:

@@ -31,6 +31,7 @@ class AirSettings(Settings):
     independent: Positive
     reflectance: Share
     reflectance_sigma: Positive
+    mirror_sigma: Positive
     sky_up_rad: Positive
     sky_side_rad: Positive
     model_sigma: Positive

@@ -14,8 +14,13 @@ AIRLIGHT = 0.62
 ASPHALT, PAINT, GRASS = 0.10, 0.45, 0.20
 
 
-def misty(range_m: float, *, camera: Camera = CAMERA, texture: float = 0.1, seed: int = 0) -> np.ndarray:
-    """A straight road between fields as grey levels, (height, width), with texture and noise of the sensor."""
+def misty(
+    range_m: float, *, camera: Camera = CAMERA, texture: float = 0.1, wet: float = 0.0, seed: int = 0
+) -> np.ndarray:
+    """A straight road between fields as grey levels, (height, width), with texture and noise of the sensor.
+
+    ``wet``: the share of the ground under water, which mirrors the sky by Schlick's approximation (1994).
+    """
     rng = np.random.default_rng(seed)
     u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
     places = camera.road_from_pixel(np.column_stack([u.ravel(), v.ravel()])).reshape(*u.shape, 2)
@@ -24,6 +29,8 @@ def misty(range_m: float, *, camera: Camera = CAMERA, texture: float = 0.1, seed
     for line_m in (-1.7, 1.7):
         light = np.where(np.abs(y_m - line_m) < 0.1, PAINT, light)
     light = light * (1 + texture * rng.standard_normal(light.shape))
+    steep = camera.height_m / np.hypot(x_m - camera.x_m, camera.height_m)
+    light = light + wet * AIRLIGHT * (0.02 + 0.98 * (1 - steep) ** 5)
     passed = np.where(np.isfinite(x_m), np.exp(-3 * (x_m - camera.x_m) / range_m), 0.0)
     seen = AIRLIGHT + (np.where(np.isfinite(light), light, 0.0) - AIRLIGHT) * passed
     return np.clip(255 * np.sqrt(np.maximum(seen, 0)) + rng.normal(0, 1, seen.shape), 0, 255).astype(np.uint8)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sight_rig import CAMERA, SETTINGS, arc, lit, misty, seen_in, with_trees
 
+from perception.sight.air import WATER_INDEX, reflectance_of_water
 from perception.sight.judge import ImageJudge
 from perception.sight.observer import SightObserver
 from trepid.causes import Cause
@@ -37,6 +38,23 @@ def test_clear_air_before_trees_has_full_reach_and_no_cause() -> None:
         sight = seen_in(with_trees(misty(5000.0, seed=seed), seed=seed))
         assert sight is not None
         assert sight.distance_m == pytest.approx(SETTINGS.reach_m) and sight.cause == ""
+
+
+@pytest.mark.parametrize("range_m", [25.0, 50.0, 100.0, 200.0])
+def test_in_fog_wet_ground_that_mirrors_the_sky_takes_hardly_any_sight(range_m: float) -> None:
+    for wet in (0.1, 0.2, 0.3):
+        sight = seen_in(misty(range_m, wet=wet))
+        assert sight is not None and sight.cause == Cause.FOG
+        assert sight.distance_m == pytest.approx(range_m + CAMERA.x_m, rel=0.25)
+
+
+def test_water_reflects_as_fresnel_says() -> None:
+    upright, grazing, brewster = reflectance_of_water(np.array([np.pi / 2, 0.0, np.arctan(1 / WATER_INDEX)]))
+    assert upright == pytest.approx(((WATER_INDEX - 1) / (WATER_INDEX + 1)) ** 2)
+    assert grazing == pytest.approx(1.0)
+    # At Brewster's angle only the light across the plane of incidence is reflected.
+    squared = WATER_INDEX**2
+    assert brewster == pytest.approx(((squared - 1) / (squared + 1)) ** 2 / 2)
 
 
 @pytest.mark.parametrize("range_m", [25.0, 80.0, 2000.0])
