@@ -11,7 +11,7 @@ OFFERS = Offers(
         ),
     },
     examples={
-        "bench": "trepid bench control --save docs/results",
+        "bench": "trepid bench control --save lab/results",
     },
     simulates=True,
 )

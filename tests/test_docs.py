@@ -8,7 +8,10 @@ import pytest
 from trepid.config import ROOT
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-LINK = re.compile(r"\]\(([^)#]+)\)")
+PAGES += [ROOT / "lab" / "results" / "README.md"]
+LINK = re.compile(r"\]\(([^)#]+)(?:#[^)]*)?\)")
+PLACE = re.compile(r"\]\(([^)#:]*)#([^)]+)\)")
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 PAGE_OF_SOURCE = re.compile(r"docs/[a-z_/]+\.md")
 TEXT = {".py", ".yaml", ".toml", ".md", ".html"}
 
@@ -17,6 +20,24 @@ TEXT = {".py", ".yaml", ".toml", ".md", ".html"}
 def test_every_link_of_a_page_leads_to_a_file(page: Path) -> None:
     targets = [target for target in LINK.findall(page.read_text(encoding="utf-8")) if "://" not in target]
     assert [target for target in targets if not (page.parent / target).exists()] == []
+
+
+def anchor(heading: str) -> str:
+    """The name by which GitHub links to a heading: lower case, without punctuation, hyphens for spaces."""
+    return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_link_to_a_place_in_a_page_leads_to_a_heading(page: Path) -> None:
+    places = [
+        ((page.parent / target if target else page), place)
+        for target, place in PLACE.findall(page.read_text(encoding="utf-8"))
+    ]
+    known = {
+        target: {anchor(text) for text in HEADING.findall(target.read_text(encoding="utf-8"))}
+        for target, _ in places
+    }
+    assert [(target.name, place) for target, place in places if place not in known[target]] == []
 
 
 def test_every_page_that_code_or_configuration_names_exists() -> None:

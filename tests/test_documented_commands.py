@@ -226,7 +226,7 @@ def outputs(command: Documented) -> set[str]:
             found.update(
                 [word for word in words[len(verb.split()) :] if not word.startswith("-")][index:][:1]
             )
-    return {path for path in found if not path.startswith(("/", "~", "docs/results"))}
+    return {path for path in found if not path.startswith(("/", "~", "lab/results"))}
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="an installation is no clone")

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from lab.bench.catalogue import BENCHMARKS, BY_DEFAULT, GROUPS, function, named
-from lab.bench.results import Result, machine, save
+from lab.bench.results import Result, check_folder, machine, save
 from lab.bench.text import brief, tables
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.scenario import list_scenarios
@@ -42,7 +42,7 @@ def bench(
     save_in: Annotated[
         Path | None,
         typer.Option(
-            "--save", metavar="DIR", help="Write NAME.json, NAME.md and NAME.png; docs/results is one."
+            "--save", metavar="DIR", help="Write NAME.json, NAME.png and README.md; lab/results is one."
         ),
     ] = None,
     estimators: Annotated[
@@ -112,8 +112,8 @@ def bench(
         print("\n".join(f"{name:22} {benchmark.summary}" for name, benchmark in BENCHMARKS.items()))
         return 0
     wanted = benchmarks(names or BY_DEFAULT)
-    if save_in is not None and not save_in.is_dir():
-        raise InputError(f"{save_in}: there is no such folder")
+    if save_in is not None:
+        check_folder(save_in)
     if seed is None:
         seed = CONTINUED_SEED if any(BENCHMARKS[name].continued for name in wanted) else secrets.randbits(32)
     options: dict[str, Any] = dict(

@@ -82,7 +82,7 @@ def table(results: Mapping[str, Measured]) -> str:
     """The table in Markdown, a row for every entry of ROWS whose benchmark has a stored result."""
     lines = ["| what | measured | command |", "|---|---|---|"]
     lines += [
-        f"| {what} | {read(results[name])} | [`trepid bench {name}`](docs/results/{name}.md) |"
+        f"| {what} | {read(results[name])} | [`trepid bench {name}`](lab/results/README.md#{name}) |"
         for name, what, read in ROWS
         if name in results
     ]

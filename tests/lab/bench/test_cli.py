@@ -79,7 +79,7 @@ def test_a_result_is_saved_as_rows_page_and_figure(
     assert bench(["control-lateral"], seed=7, save_in=tmp_path, as_json=True) == 0
     assert json.loads(capsys.readouterr().out)["control-lateral"]["ours"] == rows["ours"]
     assert json.loads((tmp_path / "control-lateral.json").read_text())["measured"]["theirs"] == rows["theirs"]
-    page = (tmp_path / "control-lateral.md").read_text()
+    page = (tmp_path / "README.md").read_text()
     assert "`trepid bench control-lateral --seed 7`" in page
     assert "| ours | 0.01235 | 0 |" in page
     assert "| theirs | 0.5 | – |" in page

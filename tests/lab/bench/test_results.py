@@ -1,31 +1,48 @@
-"""The pages of docs/results and the table of the README are generated from their stored rows."""
+"""The page of lab/results and the table of the README are generated from the stored rows."""
 
 from pathlib import Path
 
 import pytest
 
 from lab.bench.readme import BEGIN, END, ROWS, table, write_table
-from lab.bench.results import index, page, save, stored
-from trepid.config import ROOT
+from lab.bench.results import page, save, section, stored
+from trepid.config import ROOT, InputError
 
-RESULTS = ROOT / "docs" / "results"
+RESULTS = ROOT / "lab" / "results"
 STORED = stored(RESULTS)
+PAGE = (RESULTS / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", STORED)
 def test_a_page_is_generated_from_its_rows(name: str) -> None:
-    assert (RESULTS / f"{name}.md").read_text(encoding="utf-8") == page(STORED[name], RESULTS)
+    assert f"\n\n{section(STORED[name], RESULTS)}\n" in PAGE
 
 
 def test_rows_without_common_columns_get_a_page_and_no_figure(tmp_path: Path) -> None:
     for name in ("logbook", "page"):
         save(STORED[name], tmp_path)
     assert {path.name for path in tmp_path.glob("*.png")} == {"page.png"}
-    assert ".png" not in (tmp_path / "logbook.md").read_text(encoding="utf-8")
+    written = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "(page.png)" in written and "(logbook.png)" not in written
+
+
+def test_a_page_shows_all_results_of_its_folder_each_once(tmp_path: Path) -> None:
+    for name in ("page", "logbook", "page"):
+        save(STORED[name], tmp_path)
+    lines = (tmp_path / "README.md").read_text(encoding="utf-8").splitlines()
+    assert [line for line in lines if line.startswith("## ")] == ["## page", "## logbook"]
+
+
+def test_a_page_that_is_none_of_results_is_not_overwritten(tmp_path: Path) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text("mine")
+    with pytest.raises(InputError, match=r"README.md: is no page of results"):
+        save(STORED["page"], tmp_path)
+    assert readme.read_text() == "mine" and list(tmp_path.iterdir()) == [readme]
 
 
 def test_the_index_lists_the_stored_results() -> None:
-    assert (RESULTS / "README.md").read_text(encoding="utf-8") == index(STORED)
+    assert page(STORED, RESULTS) == PAGE
 
 
 def test_the_table_of_the_readme_is_generated_from_the_rows() -> None:
