@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from drive.course import Course
-from trepid.config import InputError, resource
+from trepid.config import InputError, place_of_edit, resource
 from trepid.processes.page_door import FOXGLOVE, PAGE
 from trepid.processes.settings import RECORDER, ProcessSpec, load_processes
 from trepid.topics import DRIVER_INPUT, IMAGE_STATISTICS, estimate_topic
@@ -97,4 +97,5 @@ def context_of(
 ) -> dict[str, Any]:
     """The options that describe the drive to every process; ``networks``: as :func:`networks_in`."""
     named = {"seed": seed, "estimators": estimators, "networks": dict(networks or {})}
-    return {**course.options(), **named}
+    options = course.options()
+    return {**options, "edited_rules": str(place_of_edit(Path(options["rules"]))), **named}

@@ -117,7 +117,7 @@ class SupervisorNode:
 def node(me: Process) -> Iterator[SupervisorNode]:
     """The node of the supervisor; the rule file may change meanwhile."""
     rules = Path(me.options["rules"])
-    with RuleWatch(rules) as changes:
+    with RuleWatch(rules, Path(me.options.get("edited_rules", rules))) as changes:
         supervisor = build(rules=rules, cruise_speed_mps=me.options["cruise_speed_mps"])
         yield SupervisorNode(me, supervisor, changes)
 

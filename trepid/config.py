@@ -150,6 +150,19 @@ def default_file(name: str) -> Path:
     return car / name if car is not None and (car / name).exists() else CONFIG_DIR / name
 
 
+def place_of_edit(path: Path) -> Path:
+    """Where an edited copy of the file ``path`` is kept.
+
+    Files of ``config/`` belong to the installation, which no edit changes: the copy goes into the folder of the
+    car, else into the working directory, under a free name. Any other file is its own place.
+    """
+    if CONFIG_DIR.resolve() not in path.resolve().parents:
+        return path
+    folder = car_folder() or Path.cwd()
+    names = (path.name, *(f"{path.stem}-{number}{path.suffix}" for number in range(2, 1000)))
+    return next(place for name in names if not (place := folder / name).exists())
+
+
 def default_names(folder: str) -> list[str]:
     """Names, sorted and without suffix, of the YAML files in ``folder`` of ``config/`` and of the car."""
     car = car_folder()

@@ -70,8 +70,11 @@ def run(me: Process) -> None:
     stop = StopSender(me.bus, me.now_s)
     hub = Hub(feed, view, stop, me.now_s)
     door = PageDoor(options.host, options.port, page_token())
-    server = PageServer(door, hub, stop, RuleDesk(Path(me.options["rules"])), keeping)
-    asyncio.run(_serve(me, server, door, hub))
+    desk = RuleDesk(Path(me.options["rules"]), Path(me.options["edited_rules"]))
+    try:
+        asyncio.run(_serve(me, PageServer(door, hub, stop, desk, keeping), door, hub))
+    finally:
+        desk.close()
 
 
 async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> None:

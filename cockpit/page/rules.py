@@ -3,15 +3,14 @@
 import hashlib
 import os
 import re
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
-from trepid.config import ROOT, InputError, car_folder, read_text
+from cockpit.page.checker import Checker
+from trepid.config import InputError, car_folder, read_text
+from trepid.files.whole import write_whole
 
-CHECK_S = 60.0  # longest time for a check
 PLACED = re.compile(r"^(?P<file>.*?):(?P<line>\d+):(?P<column>\d+): (?P<text>.*)$")
 
 
@@ -20,24 +19,33 @@ class Conflict(Exception):
 
 
 class RuleDesk:
-    """Reads, checks and replaces the rule file at ``path``."""
+    """Reads and checks the rule file of a drive, and replaces it by an edited one."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, edited: Path) -> None:
+        """``path``: the file in use; ``edited``: where an edit of it is kept, the same or a file that is new."""
+        self.path, self._edited = path, edited
+        self._checker = Checker()
 
     def show(self) -> dict[str, Any]:
-        """Path, text, its hash, and why it cannot be replaced ("" when it can). Raises InputError."""
+        """Path, text, its hash, the place of an edit, and why none is kept ("": it is). Raises InputError."""
+        self._checker.start()  # so that the first check finds it ready
         text = read_text(self.path)
-        return {"path": str(self.path), "text": text, "sha256": _sha256(text), "fixed": self.fixed}
+        return {
+            "path": str(self.path),
+            "text": text,
+            "sha256": _sha256(text),
+            "place": str(self._edited),
+            "fixed": self.fixed,
+        }
 
     @property
     def fixed(self) -> str:
         """Why the page does not replace the file; "" when it does."""
         car = car_folder()
-        if car is not None and car not in self.path.parents:
+        if car is not None and car not in self._edited.parents:
             return f"{self.path} is not in the folder of the car: copy it to {car / 'fear.yaml'}, and drive again"
-        if not os.access(self.path.parent, os.W_OK):
-            return f"{self.path.parent} cannot be written"
+        if not os.access(self._edited.parent, os.W_OK):
+            return f"{self._edited.parent} cannot be written"
         return ""
 
     def sets(self) -> list[dict[str, Any]]:
@@ -59,28 +67,22 @@ class RuleDesk:
         ]
 
     def check(self, text: str) -> dict[str, Any]:
-        """The output of ``trepid fear check`` for ``text``: ``ok``, and its lines with the place of each.
-
-        It runs as a process of its own: to read and prove a rule file takes as long as many pictures.
-        """
+        """The output of ``trepid fear check`` for ``text``: ``ok``, and its lines with the place of each."""
         with tempfile.TemporaryDirectory() as folder:
             draft = Path(folder) / self.path.name
             draft.write_text(text, encoding="utf-8")
-            command = [sys.executable, "-m", "trepid", "fear", "check", str(draft)]
-            try:
-                done = subprocess.run(
-                    command, cwd=ROOT, capture_output=True, text=True, timeout=CHECK_S, check=False
-                )
-            except subprocess.TimeoutExpired:
-                return _verdict(False, [f"{self.path}: the check takes longer than {CHECK_S:.0f} s"])
-            said = (done.stderr + done.stdout).replace(str(draft), str(self.path)).splitlines()
-        return _verdict(done.returncode == 0, said)
+            ok, said = self._checker.check(draft)
+        return _verdict(ok, [line.replace(str(draft), str(self.path)) for line in said])
+
+    def close(self) -> None:
+        """End the process that checks."""
+        self._checker.close()
 
     def apply(self, text: str, sha256: str) -> dict[str, Any]:
-        """Replace the file by ``text`` if it passes the check; ``sha256``: of the text that was edited.
+        """Write ``text`` to the place of an edit if it passes the check; ``sha256``: of the text that was edited.
 
-        The file is replaced whole; a reader gets the old text or the new one. Raises Conflict when it has changed
-        meanwhile, InputError when it cannot be written.
+        The file is replaced whole; a reader gets the old text or the new one. Raises Conflict when the file in use
+        has changed meanwhile, InputError when the new one cannot be written.
         """
         if self.fixed:
             raise InputError(self.fixed)
@@ -89,20 +91,17 @@ class RuleDesk:
             return verdict
         if _sha256(read_text(self.path)) != sha256:
             raise Conflict(f"{self.path} has changed since the edit began: read it again")
-        target = self.path.resolve()  # a link stays a link
+        target = self._edited.resolve()  # a link stays a link
+        if self._edited != self.path and target.exists():
+            raise Conflict(
+                f"{target} has been written by another program meanwhile: move it, and apply again"
+            )
         try:
-            with tempfile.NamedTemporaryFile(
-                "w", dir=target.parent, prefix=f".{target.name}.", delete=False, encoding="utf-8"
-            ) as file:
-                fresh = Path(file.name)
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            fresh.chmod(target.stat().st_mode)
-            fresh.replace(target)
+            write_whole(target, text.encode())
         except OSError as error:
             raise InputError(f"{target}: cannot be written: {error.strerror}") from error
-        return {**verdict, "sha256": _sha256(text)}
+        self.path = self._edited
+        return {**verdict, "sha256": _sha256(text), "path": str(self.path)}
 
 
 def _verdict(ok: bool, lines: list[str]) -> dict[str, Any]:

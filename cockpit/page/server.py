@@ -207,7 +207,7 @@ class PageServer:
             return JSONResponse({"file": str(await asyncio.to_thread(self._keeping.keep))})
 
     async def _rules(self, _: Request) -> Response:
-        return JSONResponse(self._desk.show())
+        return JSONResponse(await asyncio.to_thread(self._desk.show))
 
     async def _sets(self, _: Request) -> Response:
         return JSONResponse(await asyncio.to_thread(self._desk.sets))

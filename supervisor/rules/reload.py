@@ -1,8 +1,8 @@
 """Rules that change during a drive: a bad file never replaces a good one, and no step waits for a file.
 
-A thread watches the file. When its text has changed, another process reads and verifies it, :func:`main`, at low
-priority: reading YAML takes as long as a few hundred steps and would block the interpreter of the steps. Only
-verified rules are returned, compiled; the node adopts them between two steps.
+A thread watches the file, and the place of its edited copy. When a text has changed, another process reads and
+verifies it, :func:`main`, at low priority: reading YAML takes as long as a few hundred steps and would block the
+interpreter of the steps. Only verified rules are returned, compiled; the node adopts them between two steps.
 """
 
 import os
@@ -52,16 +52,17 @@ class RuleChange(NamedTuple):
 
 
 class RuleWatch:
-    """Watches a rule file in a thread. Use as a context manager."""
+    """Watches rule files in a thread; the one that changed last counts. Use as a context manager."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path.resolve()
+    def __init__(self, path: Path, *edited: Path) -> None:
+        """``edited``: places of edited copies of the file ``path``, which need not exist yet."""
+        self._paths = tuple(dict.fromkeys(place.resolve() for place in (path, *edited)))
         self._changes: deque[RuleChange] = deque(maxlen=1)  # the latest counts
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="rule-watch", daemon=True)
 
     def __enter__(self) -> "RuleWatch":
-        self._text = _text(self._path)
+        self._texts = {path: _text(path) for path in self._paths}
         self._thread.start()
         return self
 
@@ -78,8 +79,8 @@ class RuleWatch:
 
         try:
             for _ in watchfiles.watch(
-                self._path.parent,
-                watch_filter=lambda _, path: Path(path).name == self._path.name,
+                *{path.parent for path in self._paths},
+                watch_filter=lambda _, path: Path(path) in self._paths,
                 stop_event=self._stop,
                 debounce=SETTLE_MS,
                 rust_timeout=POLL_MS,
@@ -88,13 +89,15 @@ class RuleWatch:
             ):
                 self._poll()
         except (OSError, RuntimeError) as error:  # the limit of watches is reached, or the folder is gone
-            self._changes.append(RuleChange(None, f"{self._path.parent} cannot be watched: {error}"))
+            where = ", ".join(str(path) for path in self._paths)
+            self._changes.append(RuleChange(None, f"{where} cannot be watched: {error}"))
 
     def _poll(self) -> None:
-        text = _text(self._path)
-        if text != self._text:
-            self._text = text
-            self._changes.append(reread(self._path))
+        for path, before in self._texts.items():
+            text = _text(path)
+            if text != before:
+                self._texts[path] = text
+                self._changes.append(reread(path))
 
 
 def _text(path: Path) -> str | None:

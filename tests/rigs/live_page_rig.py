@@ -237,6 +237,7 @@ class LivePage:
                 "ring": RING,
                 "estimators": ESTIMATORS,
                 "rules": str(self.rules),
+                "edited_rules": str(self.rules),
             },
             publishes=(STOP_REQUEST.key,),
         )

@@ -13,7 +13,8 @@ export class Rules {
     this.text.addEventListener("scroll", () => (element("numbers").scrollTop = this.text.scrollTop));
     element("check").addEventListener("click", () => this.act("/rules/check"));
     element("apply").addEventListener("click", () => this.act("/rules/apply"));
-    element("reread").addEventListener("click", () => this.read());
+    element("reread").addEventListener("click", () => this.reread());
+    window.addEventListener("beforeunload", event => this.edited() && event.preventDefault());
     this.key();
   }
 
@@ -45,29 +46,49 @@ export class Rules {
     }
   }
 
+  edited() {
+    return Boolean(this.saved) && this.text.value !== this.saved.text;
+  }
+
+  // An edit is dropped by a second press only.
+  reread() {
+    if (this.edited() && !this.dropping) {
+      element("edited").textContent = "edited, not applied: press again to drop the edit";
+      this.dropping = true;
+      return;
+    }
+    this.read();
+  }
+
   changed() {
+    this.dropping = false;
     const lines = this.text.value.split("\n").length;
     if (lines !== this.lines) element("numbers").textContent = Array.from({ length: lines }, (_, at) => at + 1).join("\n");
     this.lines = lines;
-    element("edited").textContent = this.saved && this.text.value !== this.saved.text ? "edited, not applied" : "";
+    element("edited").textContent = this.edited() ? "edited, not applied" : "";
   }
 
   async act(path) {
     for (const id of ["check", "apply", "reread"]) element(id).disabled = true;
-    element("edited").textContent = "checking";
+    const began = performance.now();
+    const show = () => (element("edited").textContent = `checking, ${((performance.now() - began) / 1000).toFixed(1)} s`);
+    show();
+    const clock = setInterval(show, 100);
     const text = this.text.value;
     let note = null;
     try {
       const found = await this.ask(path, { text, sha256: this.saved?.sha256 ?? "" });
       this.verdict(found.lines, found.ok);
       if (found.sha256) {
-        this.saved = { ...this.saved, text, sha256: found.sha256 };
-        note = "applied; the car takes it over within a second";
+        this.saved = { ...this.saved, text, sha256: found.sha256, path: found.path };
+        element("rule-path").textContent = found.path;
+        note = `written to ${found.path}; the car takes it over within a second`;
         await this.draw();
       }
     } catch (error) {
       this.verdict([{ text: error.message }], false);
     }
+    clearInterval(clock);
     for (const id of ["check", "reread"]) element(id).disabled = false;
     element("apply").disabled = Boolean(this.saved?.fixed);
     this.changed();

@@ -17,9 +17,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from cockpit.page.hub import MAX_VIEWERS
-from cockpit.page.rules import RuleDesk
+from cockpit.page.rules import Conflict, RuleDesk
 from cockpit.page.server import MAX_BODY, TOO_MANY, WRONG_ORIGIN, WRONG_TOKEN, KeepDesk
-from trepid.config import CONFIG_DIR, InputError, use_car
+from trepid.config import CONFIG_DIR, InputError, place_of_edit, use_car
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording
 from trepid.topics import DECISION
@@ -208,17 +208,49 @@ def test_an_edit_of_a_file_that_has_changed_meanwhile_is_refused(page: LivePage)
         page.rules.write_text(shown["text"], encoding="utf-8")
 
 
-def test_rules_outside_the_folder_of_the_car_are_not_replaced(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    car = tmp_path / "car"
+def test_rules_of_another_place_than_the_folder_of_the_car_are_not_replaced(tmp_path: Path) -> None:
+    car, other = tmp_path / "car", tmp_path / "other.yaml"
     car.mkdir()
     try:
         use_car(car)
-        desk = RuleDesk(CONFIG_DIR / "fear.yaml")
+        desk = RuleDesk(other, other)
         assert desk.fixed.endswith(f"copy it to {car / 'fear.yaml'}, and drive again")
         with pytest.raises(InputError, match="not in the folder of the car"):
             desk.apply("", "")
-        assert RuleDesk(car / "fear.yaml").fixed == ""
     finally:
         use_car(None)
+
+
+@pytest.mark.parametrize("of_a_car", [False, True])
+def test_applied_rules_of_the_installation_become_a_new_file_of_the_drive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, of_a_car: bool
+) -> None:
+    shipped, taken = CONFIG_DIR / "fear.yaml", tmp_path / "fear.yaml"
+    monkeypatch.chdir(tmp_path)
+    before = shipped.read_text(encoding="utf-8")
+    try:
+        use_car(tmp_path if of_a_car else None)
+        assert place_of_edit(shipped) == taken
+        desk = RuleDesk(shipped, place_of_edit(shipped))
+        edited = f"# edited\n{before}"
+        applied = desk.apply(edited, desk.show()["sha256"])
+        assert (applied["ok"], applied["path"]) == (True, str(taken))
+        assert (taken.read_text(encoding="utf-8"), shipped.read_text(encoding="utf-8")) == (edited, before)
+        assert desk.show()["path"] == str(taken)
+        again = desk.apply(f"{edited}# twice\n", applied["sha256"])
+        assert again["path"] == str(taken) and taken.read_text(encoding="utf-8").endswith("# twice\n")
+        assert (
+            place_of_edit(shipped) == tmp_path / "fear-2.yaml"
+        )  # of another drive, which overwrites nothing
+    finally:
+        use_car(None)
+
+
+def test_a_file_that_appeared_at_the_place_of_an_edit_is_not_overwritten(tmp_path: Path) -> None:
+    shipped, place = CONFIG_DIR / "fear.yaml", tmp_path / "fear.yaml"
+    desk = RuleDesk(shipped, place)
+    shown = desk.show()
+    place.write_text("of somebody else", encoding="utf-8")
+    with pytest.raises(Conflict, match="has been written by another program"):
+        desk.apply(shown["text"], shown["sha256"])
+    assert place.read_text(encoding="utf-8") == "of somebody else"

@@ -93,6 +93,16 @@ def test_the_watch_reports_every_change_once_and_ends_with_its_thread(path: Path
     assert not any(thread.name == "rule-watch" for thread in threading.enumerate())
 
 
+def test_an_edited_copy_that_appears_during_the_drive_counts(path: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "edited" / "fear.yaml"
+    copy.parent.mkdir()
+    with RuleWatch(path, copy) as watch:
+        copy.write_text(MARKED, encoding="utf-8")
+        found: list[RuleChange] = []
+        assert until(lambda: found.extend(filter(None, [watch.take()])) or found)
+        assert found[0].rules is not None and found[0].text == MARKED
+
+
 @pytest.fixture
 def reached(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
     """A running supervisor process; waits for a condition on its last diagnostic and decision."""
