@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from drive.course import PASSED
 from trepid.causes import concerning
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.loudness import Loudness, loudness, note, warn
@@ -84,7 +85,7 @@ def drive(
         from rich.console import Console
 
         Console().print(summary(row))
-    return 0 if row["status"] == "passed" else 1
+    return 0 if row["status"] == PASSED else 1
 
 
 class _Page(NamedTuple):
@@ -247,7 +248,7 @@ def summary(row: dict[str, Any]) -> "Table":
     from rich.markup import escape
     from rich.table import Table
 
-    verdict = "[green]passed[/]" if row["status"] == "passed" else "[red]failed[/]"
+    verdict = f"[{'green' if row['status'] == PASSED else 'red'}]{row['status']}[/]"
     title = f"{escape(row['scenario'] or 'drive')} (seed {row['seed']}): {verdict}"
     table = Table(title=title, title_justify="left", box=None)
     table.add_column("what", style="dim")

@@ -15,6 +15,14 @@ if TYPE_CHECKING:
     from drive.log import DriveLog
 
 
+PASSED, FAILED, NOT_DRIVEN = "passed", "failed", "not driven"
+
+
+def why_not_driven(waits_for: str) -> str:
+    """The reason of NOT_DRIVEN. ``waits_for``: what the car waits for at the end; "" for nothing."""
+    return f"the car did not drive: {waits_for or 'nothing that Trepid knows kept it from driving'}"
+
+
 class Findings(NamedTuple):
     """What the processes of a drive say before their start, when all their settings are valid."""
 
@@ -27,6 +35,13 @@ class Verdict(NamedTuple):
 
     reasons: list[str]  # of its failure; empty: passed
     scores: dict[str, Any]  # fields of the row of ``drive --json``; empty: nothing was driven
+    driven: bool = False  # the car drove, or was not to drive
+    notes: tuple[str, ...] = ()  # where a person took over
+
+    @property
+    def status(self) -> str:
+        """The judgement in words. A car that was to drive and stood proves nothing, and has not passed."""
+        return FAILED if self.reasons else PASSED if self.driven else NOT_DRIVEN
 
 
 class Judge(Protocol):

@@ -2,11 +2,9 @@
 
 from typing import Any
 
-from drive.course import Course, Verdict
+from drive.course import Course, Verdict, why_not_driven
 from drive.log import DriveLog
 from trepid.processes.launch import Fleet
-
-DRIVEN_M = 0.5  # a car that went less far did not drive
 
 
 def evaluated(
@@ -31,10 +29,13 @@ def evaluated(
 
 def _judged(log: DriveLog, verdict: Verdict, notes: list[str]) -> dict[str, Any]:
     """The judgement; of a car that never drove a note says what it waited for."""
-    status = "failed" if verdict.reasons else "passed"
-    if log.waits_for and (verdict.scores.get("distance_m") or 0.0) < DRIVEN_M:
-        notes = [*notes, f"the car did not drive: {log.waits_for}"]
-    return {"status": status, "reasons": verdict.reasons, "notes": notes, **verdict.scores}
+    notes = [*verdict.notes, *notes]
+    if not verdict.driven and verdict.scores:
+        notes = [
+            *notes,
+            why_not_driven(log.waits_for),
+        ]
+    return {"status": verdict.status, "reasons": verdict.reasons, "notes": notes, **verdict.scores}
 
 
 def _processes(log: DriveLog, fleet: Fleet) -> dict[str, Any]:

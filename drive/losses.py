@@ -1,6 +1,7 @@
-"""The report of lost processes by the launcher to the supervisor: those that stop the car, those that slow it."""
+"""The report of the launcher about processes that do not run: those that stop or slow the car, those awaited."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping
 
 from trepid.bus import Bus
 from trepid.clock import Clock
@@ -14,7 +15,10 @@ RUNS_S = 1.0
 
 
 class LossReport:
-    """Publishes the lost processes by the effect of their loss, at every change and while there is one.
+    """Publishes the lost processes by the effect of their loss, and the awaited ones.
+
+    It publishes at every change, while there is any, and until the drive begins, so that a process hears it that
+    starts meanwhile.
 
     A process whose loss stops the car stays in the report: the stop is final. A process whose loss slows the car
     leaves the report with its first heartbeat after the restart; without heartbeats, when it has run for RUNS_S.
@@ -26,8 +30,9 @@ class LossReport:
         self._fleet = fleet
         self._stop: set[str] = set()
         self._slow: dict[str, float] = {}  # name -> time of the loss
-        self._reported: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
-        self._sent_s = clock()
+        self._awaited: tuple[str, ...] | None = tuple(fleet.children)  # None: the drive has begun
+        self._reported: tuple[tuple[str, ...], ...] = ()
+        self._sent_s = -math.inf
 
     def lose(self, name: str) -> Loss:
         """Note the loss of the process ``name``; the effect of its loss."""
@@ -38,6 +43,14 @@ class LossReport:
             self._slow[name] = self._clock()
         return loss
 
+    def wait_for(self, names: Collection[str]) -> None:
+        """A standing car does not start before the processes ``names``; without any the drive may begin."""
+        self._awaited = tuple(sorted(names))
+
+    def begin(self) -> None:
+        """The drive has begun."""
+        self._awaited = None
+
     def request_stop(self) -> None:
         """Stop the car, because the drive is to end."""
         self._stop.add(LAUNCHER)
@@ -46,11 +59,12 @@ class LossReport:
         """Publish if the report has changed or is due. ``beats``: the newest heartbeat of the processes."""
         for name in [name for name in self._slow if self._is_back(name, beats.get(name))]:
             del self._slow[name]
-        now = tuple(sorted(self._stop)), tuple(sorted(self._slow))
-        due = any(now) and self._clock() - self._sent_s >= PERIOD_S
+        now = tuple(sorted(self._stop)), tuple(sorted(self._slow)), self._awaited or ()
+        due = (any(now) or self._awaited is not None) and self._clock() - self._sent_s >= PERIOD_S
         if now != self._reported or due:
             self._reported, self._sent_s = now, self._clock()
-            self._send(Losses(t_s=self._clock(), stop=now[0], slow=now[1]))
+            stop, slow, awaited = now
+            self._send(Losses(t_s=self._clock(), stop=stop, slow=slow, awaited=awaited))
 
     def _is_back(self, name: str, beat: Diagnostic | None) -> bool:
         """True when the process runs again after its loss. ``beat``: its newest heartbeat."""

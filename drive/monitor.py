@@ -15,7 +15,7 @@ from trepid.config import InputError
 from trepid.messages import Health
 from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.launch import Fleet, UnexpectedExit
-from trepid.processes.settings import Loss, Restart
+from trepid.processes.settings import LAUNCHER, Loss, Restart
 
 Show = Callable[[DriveLog, Fleet, float], None]
 """Displays the drive so far: log, processes, elapsed time [s]."""
@@ -48,6 +48,7 @@ class Monitor:
         )
         self._problems: list[str] = []
         self._notes: list[str] = []  # losses that do not end the drive
+        self._released = False  # the car may drive
         self._began_s = clock()
         self._shown_s = self._began_s
         self._lost_s: float | None = None  # time of the first loss of a process
@@ -57,9 +58,9 @@ class Monitor:
     def wait_until_ready(self, signals: list[str]) -> bool:
         """Wait for a heartbeat of every process whose loss matters, a first decision, and the end of any run-up.
 
-        False on a signal. Raises InputError when a process refuses its input, ends, or does not report in time.
-        A real car stands before either: its nodes steer as soon as they hear each other, which may be before the
-        last process reports.
+        Until all report, the supervisor keeps a standing car from driving and the simulated world stands, so that
+        the drive is judged from its first motion. False on a signal. Raises InputError when a process refuses its
+        input, ends, or does not report in time; a real car stands before either.
         """
         ready = False
         try:
@@ -73,22 +74,27 @@ class Monitor:
         while not signals:
             for exited in self._fleet.collect_exits():
                 raise InputError(self._not_started(exited))
-            missing = [
-                name
-                for name, child in self._fleet.children.items()
-                if child.spec.heartbeat
-                and child.spec.loss is not Loss.NOTHING
-                and name not in self._log.diagnostics
-            ]
-            if not missing and self._log.decision is not None and self._course.has_begun(self._log.truth):
+            missing = self._missing()
+            if not (missing or self._released or self._log.decision is None):
+                self._release()
+            if self._released and self._course.has_begun(self._log.truth):
                 self._begin()
                 return True
-            self._log.waiting = f"waiting for {', '.join(missing) or 'the first decision'}"
+            if not self._released:
+                self._losses.wait_for(missing or [LAUNCHER])
+            first = "the first decision" if self._log.decision is None else "the start of the scenario"
+            self._log.waiting = f"waiting for {', '.join(missing) or first}"
             self._receive(self._log.waiting)
             if self._elapsed_s() > self._settings.ready_timeout_s:
                 raise InputError(self._not_ready(missing))
         self._problems += signals
         return False
+
+    def _missing(self) -> list[str]:
+        """The processes whose loss matters and which have not reported yet."""
+        specs = {name: child.spec for name, child in self._fleet.children.items()}
+        matters = [name for name, spec in specs.items() if spec.heartbeat and spec.loss is not Loss.NOTHING]
+        return [name for name in matters if name not in self._log.diagnostics]
 
     def _stop_before_start(self, signals: list[str]) -> None:
         """Wait for the standstill of a car that is to stop, at most for its time limit or until a second signal."""
@@ -114,9 +120,15 @@ class Monitor:
         self._overview.stopping()
         self._problems += [text for text in signals if text not in self._course.endings]
 
+    def _release(self) -> None:
+        """Let the car drive, and the simulated world move."""
+        self._released = True
+        self._losses.wait_for(())
+        self._log.restart()
+
     def _begin(self) -> None:
         self._log.waiting = ""
-        self._log.restart()
+        self._losses.begin()
         self._began_s = self._clock()
         self._overview.begin(self._began_s)
 

@@ -198,7 +198,7 @@ class Supervisor:
             lead_s=world.ahead.age_s if lead else None,
             road_users_s=world.road_users.age_s if road_users else None,
             state_s=world.state_age_s,
-            driver_override=driver,
+            state=state,
             now_s=now_s,
             process_lost=losses is not None and bool(losses.stop),
         )
@@ -207,7 +207,7 @@ class Supervisor:
         possible = {n: m.t_s for n, m in senders.items() if m and math.isfinite(ages_s[n])}
         late = self._lateness.step(possible, now_s=now_s, came_s={LEAD: lead_sent_s})
         modes, begins = self._settings.modes, self._mode.mode is Mode.STOP
-        view = View(world, rules, self._bounds, self._mode, rated.fear, cause)
+        view = View(world, rules, self._bounds, self._mode, rated.fear, cause, losses)
         now = moment(
             world,
             rules,

@@ -16,6 +16,7 @@ class Cause(StrEnum):
     NONE = "none"  # fear is at its lowest level
     STARTING = "starting"  # the stop in which every supervisor begins, also after a restart on the move
     DRIVER_OVERRIDE = "driver_override"
+    STOP_BUTTON = "stop_button"  # a person stops the car
     NO_RULE = "no_rule"  # no rule holds: fear is 1
     MISSING_DATA = "missing_data"  # an input without a value, where the rule file names no other cause
 

@@ -179,6 +179,7 @@ class VehicleState:
     saturated: bool | None = None  # the limiter cuts the steering demand continuously; None: not monitored
     # names of the fields that are None because their sender calls them invalid, or because physics contradicts them
     doubted: tuple[str, ...] = ()
+    stop_pressed: bool = False  # a person stops the car: its stop button holds it
 
 
 QUANTITIES: Mapping[str, str] = MappingProxyType(
@@ -277,7 +278,7 @@ class SimTruth:
     lead_y_m: float | None
     lead_yaw_rad: float | None
     finished: bool  # the end of the route is reached
-    elapsed_s: float | None = None  # time of the run; negative before it begins
+    elapsed_s: float | None = None  # time of the run; negative in a run-up, None while the world stands
     speed_mps: float | None = None
     yaw_rate_radps: float | None = None
     traffic_x_m: tuple[float, ...] = ()  # of every other vehicle of the scenario, at its rear axle
@@ -371,11 +372,14 @@ class Steps:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Losses:
-    """Lost processes, as reported by the launcher, by the effect of their loss (``loss`` in ``processes.yaml``)."""
+    """Processes that do not run, as reported by the launcher: lost ones, by the effect of their loss (``loss`` in
+    ``processes.yaml``), and those whose start a drive awaits.
+    """
 
     t_s: float
     stop: tuple[str, ...]  # the car stops
     slow: tuple[str, ...]  # the car slows down until they are back
+    awaited: tuple[str, ...] = ()  # a standing car does not start before they report
 
 
 Derived = (

@@ -32,7 +32,7 @@ DRIVER_INPUT = Topic("driver/input", messages.DriverInput, 50)  # game pad or ke
 STOP_REQUEST = Topic("driver/stop", messages.StopRequest, 1)  # stop button of the page -> vehicle
 SIM_TRUTH = Topic("sim/truth", messages.SimTruth, 100)  # simulated vehicle -> simulated camera, referee
 DIAGNOSTICS = Topic("diagnostics", messages.Diagnostic, 1, urgent=False)  # every process -> launcher
-LOSSES = Topic("drive/losses", messages.Losses, 1)  # launcher -> supervisor
+LOSSES = Topic("drive/losses", messages.Losses, 1)  # launcher -> supervisor, controller, simulated vehicle
 TIMING = Topic("diagnostics/timing", messages.Timing, 1, urgent=False)  # processes of the frame -> launcher
 STEPS = Topic("diagnostics/steps", messages.Steps, 1, urgent=False)  # nodes with inputs -> recorder
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from drive.tally import autonomy_percent
 from learning.correcting.alone import check, drive_alone, scenario_for
 from learning.correcting.corrections import Drift, build_corrections
 from learning.dataset.dataset import CARD, NONE, Dataset
@@ -26,7 +27,6 @@ from sim_harness.sweep.store import Row, stored_rows
 from trepid.config import InputError, car_folder
 from trepid.files.whole import write_whole
 
-INTERVENTION_S = 6.0  # as in sim_harness.judging.metrics
 SCORES = (
     "interventions",
     "departures",
@@ -164,7 +164,7 @@ def _driven(plan: Plan, drives: Mapping[str, tuple[Scenario, int, Path]], jobs: 
     return {
         "interventions": interventions,
         "departures": sum(row["departures"] for row in rows),
-        "autonomy_percent": max(0.0, 100.0 * (1.0 - INTERVENTION_S * interventions / duration_s)),
+        "autonomy_percent": autonomy_percent(interventions, duration_s),
         "rms_lateral_error_m": math.sqrt(squared_m2),
         "max_lateral_error_m": max(row["max_lateral_error_m"] for row in rows),
         "distance_m": sum(row["distance_m"] for row in rows),

@@ -5,6 +5,7 @@ The limiter stands at the other end of the wire, so commands take effect as they
 
 from typing import TypeVar
 
+from sim_harness.live.release import Release
 from sim_harness.lockstep.road_user_sensor import build_road_user_sensor
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
@@ -48,6 +49,7 @@ class CarBehindWire:
             scenario, scenario.build_road(), self.vehicle, None, self.settings, seed=seed
         )
         self._send_truth, self._send_lead = me.bus.publisher(SIM_TRUTH), me.bus.publisher(LEAD_VEHICLE)
+        self._release = Release(me.bus)
         self._send_users = me.bus.publisher(ROAD_USERS)
         self._publishes_lead = scenario.leads_by is LeadSensor.TRUTH
         self._user_sensor = build_road_user_sensor(scenario.road_users_by, seed=seed)
@@ -56,9 +58,10 @@ class CarBehindWire:
     def step(self, command: Command | None, *, now_s: float) -> VehicleState:
         """Advance to ``now_s``, then apply ``command``; the measured state.
 
-        The run begins with the first command; until then, without one, the car stands at the start of the scenario.
+        The run begins with the first command after the release by the launcher; until then the car stands at the
+        start of the scenario.
         """
-        if command is None:
+        if not self._release.is_granted() or command is None:
             state, truth = self._simulated.wait(now_s=now_s)
         else:
             state, truth = self._simulated.step(command, now_s, now_s=now_s)

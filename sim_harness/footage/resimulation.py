@@ -21,6 +21,7 @@ from scipy.integrate import cumulative_trapezoid
 import controller.controller
 import controller.limiter
 import supervisor.supervisor
+from drive.tally import autonomy_percent
 from perception.camera.odometry import Odometry
 from perception.estimators import Estimator, build_beside
 from perception.sight.judge import build as build_judge
@@ -44,7 +45,6 @@ LATENCY_S = 0.02  # capture to estimate; as in lock-step
 RUN_UP_S = 2.2  # a driver must have driven for 2 s before the supervisor takes over (supervisor.yaml)
 SUPERVISED = ("cv", "cnn")  # estimators of the default drive
 INTERVENTION_M = 1.0  # Bojarski et al., section 7
-INTERVENTION_S = 6.0  # duration of an intervention, likewise
 LEAST_S = 0.5  # after the hand-over
 HOME_M = 0.2  # within this distance of the unshifted run the car has returned
 
@@ -72,7 +72,7 @@ class Resimulation:
         """100·(1 - 6 s·N/T), not below 0; None where the car was never engaged."""
         if not self.engaged_share:
             return None
-        return max(0.0, 100.0 * (1.0 - INTERVENTION_S * self.interventions / self.duration_s))
+        return autonomy_percent(self.interventions, self.duration_s)
 
     def return_s(self, unshifted: "Resimulation") -> float | None:
         """Time from which on the car stays within HOME_M of the run with an unshifted start; None when never.

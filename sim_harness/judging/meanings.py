@@ -1,11 +1,11 @@
 """The meaning of every figure of a run, in words; the unit is the end of its name."""
 
 MEANINGS = {
-    "status": "passed when the run satisfied all its criteria",
+    "status": "passed when the run satisfied all its criteria; not driven when it did, but the car stood",
     "duration_s": "simulated time of the run",
     "distance_m": "distance along the lane centre line",
     "departures": "a wheel was over the edge of the lane",
-    "interventions": "the car was re-centred after a departure or beyond 1 m",
+    "interventions": "the car was re-centred after a departure or beyond 1 m, or a person took over",
     "collisions": "contacts with other vehicles",
     "autonomy_percent": "100 (1 - 6 s x interventions / duration)",
     "max_lateral_error_m": "greatest distance of the rear axle from the lane centre",
@@ -20,6 +20,9 @@ MEANINGS = {
     "mean_fear": "mean fear over time, from the start of driving",
     "modes": "time in each mode of the supervisor",
     "causes": "time with each cause of fear",
+    "engaged_percent": "share of the time in a mode that drives",
+    "stop_cause": "the cause with which the last stop began",
+    "waits_for": "what the car waits for at the end",
     "realtime_factor": "simulated time divided by computing time",
     "trace_sha256": "hash of all samples; equal for bit-identical runs",
     "steering_reversals_per_min": "swings of the steering wheel by at least 2 degrees (SAE J2944)",

@@ -4,10 +4,13 @@ Samples hold until the next one, so means and durations are weighted by the time
 depend on an even sample rate.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from drive.tally import autonomy_percent, has_driven
 from sim_harness.judging.comfort import max_lateral_jerk_mps3, max_r79_jerk_mps3, steering_reversals_per_min
 from sim_harness.judging.fear_scores import (
     driven_fear,
@@ -22,9 +25,9 @@ from sim_harness.judging.margins import (
     time_to_crossing_s,
 )
 from sim_harness.judging.trace import USER_GAP, Trace
+from supervisor.modes.modes import DRIVING, STARTING
+from trepid.messages import Mode
 from trepid.types import Column
-
-INTERVENTION_S = 6.0  # Bojarski et al., End to End Learning for Self-Driving Cars (2016), section 5.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,8 +37,8 @@ class Metrics:
     duration_s: float
     distance_m: float  # along the lane centre line
     departures: int  # a wheel over the lane edge
-    interventions: int  # re-centred after a departure or beyond 1 m
-    autonomy_percent: float
+    interventions: int  # re-centred after a departure or beyond 1 m; in a live drive also by a person
+    autonomy_percent: float | None  # None for a car that did not drive
     max_lateral_error_m: float
     rms_lateral_error_m: float
     max_lateral_accel_mps2: float
@@ -48,12 +51,14 @@ class Metrics:
     mean_fear: float | None
     modes: dict[str, float]  # name -> seconds
     causes: dict[str, float]  # name -> seconds
+    engaged_percent: float  # share of the time in a mode that drives
+    stop_cause: str | None  # of the last stop; None without a stop after the start
 
 
 def measure(trace: Trace) -> Metrics:
     """Scores of ``trace``. Raises ValueError when it spans no time.
 
-    autonomy = 100·(1 - 6 s·interventions/duration), at least 0: Bojarski et al. (2016), section 5.2.
+    A car that did not drive (:func:`~drive.tally.has_driven`) has no autonomy.
     """
     t_s = trace["t_s"]
     duration_s = float(t_s[-1] - t_s[0]) if len(trace) else 0.0
@@ -62,13 +67,16 @@ def measure(trace: Trace) -> Metrics:
     distance_m = float(trace["station_m"][-1] - trace["station_m"][0])
     interventions = int(trace["interventions"][-1])
     fear = driven_fear(trace)
+    engaged_percent = _engaged_percent(trace)
     offset_m = trace["lateral_offset_m"]
     return Metrics(
         duration_s=duration_s,
         distance_m=distance_m,
         departures=int(trace["departures"][-1]),
         interventions=interventions,
-        autonomy_percent=max(0.0, 100.0 * (1.0 - INTERVENTION_S * interventions / duration_s)),
+        autonomy_percent=autonomy_percent(interventions, duration_s)
+        if has_driven(distance_m, engaged_percent)
+        else None,
         max_lateral_error_m=float(np.abs(offset_m).max()),
         rms_lateral_error_m=float(np.sqrt(_time_mean(t_s, offset_m**2) or 0.0)),
         max_lateral_accel_mps2=float(np.abs(trace["lateral_accel_mps2"]).max()),
@@ -81,6 +89,8 @@ def measure(trace: Trace) -> Metrics:
         mean_fear=_time_mean(t_s, fear),
         modes=_seconds_by_word(trace, "mode"),
         causes=_seconds_by_word(trace, "cause"),
+        engaged_percent=engaged_percent,
+        stop_cause=_stop_cause(trace),
     )
 
 
@@ -134,6 +144,25 @@ def _time_mean(t_s: Column, values: Column) -> float | None:
     held_s = np.where(np.isfinite(values), _held_s(t_s), 0.0)
     total_s = held_s.sum()
     return float((np.nan_to_num(values) * held_s).sum() / total_s) if total_s > 0.0 else None
+
+
+def _has_mode(trace: Trace, modes: Collection[str]) -> NDArray[np.bool_]:
+    """For every sample, whether its decision has one of ``modes``; False before the first decision."""
+    return np.isin(trace["mode"], [i for i, word in enumerate(trace.words["mode"]) if word in modes])
+
+
+def _engaged_percent(trace: Trace) -> float:
+    """Share of the time in a mode that drives [%]."""
+    held_s = _held_s(trace["t_s"])
+    return float(100.0 * held_s[_has_mode(trace, DRIVING)].sum() / held_s.sum())
+
+
+def _stop_cause(trace: Trace) -> str | None:
+    """The cause with which the last stop began; None without a stop but that in which a supervisor starts."""
+    stopped = _has_mode(trace, {Mode.STOP})
+    began = np.flatnonzero(stopped & ~np.append(False, stopped[:-1]))
+    cause = trace.words["cause"][int(trace["cause"][began[-1]])] if len(began) else None
+    return None if cause == STARTING and not stopped[-1] else cause
 
 
 def _seconds_by_word(trace: Trace, label: str) -> dict[str, float]:

@@ -48,7 +48,9 @@ def first_difference(one: Trace, other: Trace) -> dict[str, Any] | None:
 def numbers(trace: Trace) -> dict[str, float | None]:
     """The scores of a run that are numbers, and its seconds by mode and cause."""
     found: dict[str, float | None] = {}
-    for name, value in asdict(measure(trace)).items():
+    scores = asdict(measure(trace))
+    del scores["stop_cause"]  # a word
+    for name, value in scores.items():
         if isinstance(value, dict):
             found |= {f"{name.removesuffix('s')}_{key}_s": float(part) for key, part in value.items()}
         else:

@@ -11,10 +11,11 @@ from typing import Any
 from drive.course import Findings, Verdict
 from drive.log import DriveLog
 from drive.plan import LEAD, is_simulated, with_estimators
+from drive.tally import Takeovers, autonomy_percent
 from perception.estimators import misfits
 from perception.lead.finder import blindness, check_lead
-from sim_harness.judging.conditions.expect import judge
-from sim_harness.judging.metrics import measure
+from sim_harness.judging.conditions.expect import is_driven, judge
+from sim_harness.judging.metrics import Metrics, measure
 from sim_harness.judging.trace import Recorder, Trace
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.chosen_estimators import changes_of
@@ -42,12 +43,18 @@ class ScenarioJudge:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._recorder = Recorder(scenario.estimators, on_disk=True)
+        self._takeovers = Takeovers()
+        self._begun = False
         self._manoeuvres: dict[tuple[str, ...], int] = {}  # of the other vehicles, and a number for each ...
         self._under_way = array("H")  # ... of which one belongs to each sample of the trace
 
     def add(self, message: SimTruth | VehicleState, log: DriveLog) -> None:
-        """Append a sample for a truth, once a state of the vehicle is known."""
-        if isinstance(message, SimTruth) and log.state is not None:
+        """Append a sample for a truth from the time 0 on, once a state of the vehicle is known."""
+        if isinstance(message, VehicleState):
+            if self._begun:
+                self._takeovers.add(message, log.decision)
+        elif has_begun(message) and log.state is not None:
+            self._begun = True
             self._recorder.add(message, log.state, log.command, log.decision, log.estimates)
             number = self._manoeuvres.setdefault(message.manoeuvres, len(self._manoeuvres))
             self._under_way.append(number)
@@ -57,12 +64,15 @@ class ScenarioJudge:
         trace = self._trace()
         if len(trace) < 2:
             return Verdict([*problems] or ["no samples were recorded"], {})
-        metrics = measure(trace)
+        metrics = with_takeovers(measure(trace), self._takeovers)
         scores = asdict(metrics) | {
             "realtime_factor": round(metrics.duration_s / elapsed_s, 3),
             "trace_sha256": trace.sha256,
         }
-        return Verdict([*problems, *judge(self._scenario.expect, metrics, trace)], scores)
+        reasons = [*problems, *judge(self._scenario.expect, metrics, trace)]
+        return Verdict(
+            reasons, scores, is_driven(self._scenario.expect, metrics), tuple(self._takeovers.notes)
+        )
 
     def _trace(self) -> Trace:
         """The drive so far, with its events."""
@@ -72,6 +82,15 @@ class ScenarioJudge:
         known = list(self._manoeuvres)
         manoeuvres = [known[number] for number in self._under_way]
         return with_events(trace, self._scenario, self._scenario.build_road(), manoeuvres)
+
+
+def with_takeovers(metrics: Metrics, takeovers: Takeovers) -> Metrics:
+    """``metrics`` with the interventions by a person."""
+    interventions = metrics.interventions + takeovers.count
+    autonomy = metrics.autonomy_percent
+    if autonomy is not None:
+        autonomy = autonomy_percent(interventions, metrics.duration_s)
+    return replace(metrics, interventions=interventions, autonomy_percent=autonomy)
 
 
 SIMULATED = (
@@ -150,7 +169,7 @@ class ScenarioCourse:
 
     def has_begun(self, truth: SimTruth | None) -> bool:
         """True from the time 0 of the scenario on: a start at speed follows a run-up."""
-        return truth is not None and truth.elapsed_s is not None and truth.elapsed_s >= 0.0
+        return truth is not None and has_begun(truth)
 
     def lost(self, elapsed_s: float) -> Set[str]:
         """The processes that a fault of the scenario stops now."""
@@ -159,6 +178,11 @@ class ScenarioCourse:
     def judge(self) -> ScenarioJudge:
         """A judge by the conditions of the scenario."""
         return ScenarioJudge(self._scenario)
+
+
+def has_begun(truth: SimTruth) -> bool:
+    """True from the time 0 of a scenario on."""
+    return truth.elapsed_s is not None and truth.elapsed_s >= 0.0
 
 
 def course_of(

@@ -1,7 +1,10 @@
 """Simulated-vehicle process: commands in; the plant behind the limiter; state, truth and what it senses out."""
 
+from dataclasses import replace
+
 from controller.limiter import Limits
 from controller.limiter import build as build_limiter
+from sim_harness.live.release import Release
 from sim_harness.lockstep.road_user_sensor import build_road_user_sensor
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
@@ -17,11 +20,11 @@ from vehicle.driver.stop_button import STOPPED, StopButton
 def run(me: Process) -> None:
     """Advance in real time at the period of the plant, with and without commands.
 
-    The run begins with the first command that is based on a frame; until then the processes start, and the other
-    vehicles stand. Stop requests count from the start of the process.
+    The world stands until the launcher awaits no process any more and a command is based on a frame; the run begins
+    then. Stop requests count from the start of the process.
     """
     scenario, settings = Scenario.model_validate(me.options["scenario"]), load_simulator()
-    command = me.bus.latest(COMMAND)
+    command, release = me.bus.latest(COMMAND), Release(me.bus)
     send_state, send_truth = me.bus.publisher(VEHICLE_STATE), me.bus.publisher(SIM_TRUTH)
     send_lead, send_users = me.bus.publisher(LEAD_VEHICLE), me.bus.publisher(ROAD_USERS)
     simulated = SimulatedVehicle(
@@ -45,7 +48,7 @@ def run(me: Process) -> None:
         ticker.sleep()
         ticker.due()
         fresh = command.take()
-        begun = begun or (fresh is not None and fresh.t_s is not None)
+        begun = begun or (release.is_granted() and fresh is not None and fresh.t_s is not None)
         began_s = me.now_s()
         button.hear(request.take(), state, now_s=began_s)
         if begun:
@@ -57,7 +60,7 @@ def run(me: Process) -> None:
                 times.note(fresh.t_s, command, began_s=began_s)
         else:
             state, truth = simulated.wait(now_s=began_s)
-        send_state(state)
+        send_state(replace(state, stop_pressed=button.held))
         send_truth(truth)
         if sensor_ticker.due():
             if publishes_lead and (lead := simulated.sense_lead()) is not None:

@@ -20,10 +20,11 @@ import perception.lead.finder
 import perception.sight.judge
 import supervisor.supervisor
 from controller.controller import Controller
+from drive.course import Verdict
 from perception.estimators import Estimator
 from perception.lead.finder import LeadFinder
 from perception.sight.judge import ImageJudge
-from sim_harness.judging.conditions.expect import judge
+from sim_harness.judging.conditions.expect import is_driven, judge
 from sim_harness.judging.metrics import Metrics, measure, measure_further
 from sim_harness.judging.trace import Recorder, Trace
 from sim_harness.lockstep.camera import Shot, SimulatedCamera
@@ -104,6 +105,8 @@ class Result:
     scenario: str
     seed: int
     reasons: tuple[str, ...]  # why it failed; empty when it passed
+    driven: bool  # the car drove, or was not to drive
+    waits_for: str  # what the car waits for at the end; "" while it may drive
     metrics: Metrics
     realtime_factor: float
     trace: Trace
@@ -113,11 +116,12 @@ class Result:
         return {
             "scenario": self.scenario,
             "seed": self.seed,
-            "status": "failed" if self.reasons else "passed",
+            "status": Verdict(list(self.reasons), {}, self.driven).status,
             "reasons": list(self.reasons),
             **asdict(self.metrics),
             "realtime_factor": round(self.realtime_factor, 2),
             "trace_sha256": self.trace.sha256,
+            "waits_for": self.waits_for,
             **asdict(measure_further(self.trace)),
         }
 
@@ -145,6 +149,8 @@ def run(
         scenario=scenario.name,
         seed=seed,
         reasons=tuple(judge(scenario.expect, metrics, trace)),
+        driven=is_driven(scenario.expect, metrics),
+        waits_for=loop.waits_for,
         metrics=metrics,
         realtime_factor=metrics.duration_s / wall_s,
         trace=trace,
@@ -276,6 +282,11 @@ class ClosedLoop:
         return with_events(
             recorder.trace(), self._scenario, parts.vehicle.road, manoeuvres, user_gaps_m=user_gaps_m
         )
+
+    @property
+    def waits_for(self) -> str:
+        """What the car waits for by the newest decision; "" while it may drive."""
+        return self._stack.decision.waits_for if self._stack.decision is not None else ""
 
     def _instant(self, now_s: float, truth: SimTruth, state: VehicleState, shot: Shot | None) -> Instant:
         stack = self._stack

@@ -117,9 +117,9 @@ class SimulatedVehicle:
     def wait(self, *, now_s: float) -> tuple[VehicleState, SimTruth]:
         """State and truth before the run begins, which is the first call of :meth:`step`."""
         self._origin_s = now_s - self._elapsed_s
-        measured = self._measure(), self._truth()
+        state, truth = self._measure(), self._truth()
         self._origin_s = None
-        return measured
+        return state, replace(truth, elapsed_s=None)
 
     def sense_lead(self) -> LeadVehicle | None:
         """The vehicle ahead as an exact range sensor measures it, see :meth:`Traffic.measured_lead`."""

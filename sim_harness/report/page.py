@@ -107,14 +107,15 @@ class Page:
         if detail is None:
             return None
         edges = self._edges.setdefault(_json(detail["edges"]), len(self._edges))
+        status = "passed" if row["status"] == "passed" else "failed"
         picture = detail["picture"]
-        if picture is not None and self._left[row["status"]] > 0:
-            self._left[row["status"]] -= 1
+        if picture is not None and self._left[status] > 0:
+            self._left[status] -= 1
         else:
             picture = None
         frames = detail["frames"]
-        if frames is not None and self._films_left[row["status"]] > 0:
-            self._films_left[row["status"]] -= 1
+        if frames is not None and self._films_left[status] > 0:
+            self._films_left[status] -= 1
         else:
             frames = None
         return {**detail, "edges": edges, "picture": picture, "frames": frames}

@@ -69,6 +69,7 @@ def crashed(case: Case, reason: str) -> Outcome:
         **dict.fromkeys(field.name for field in fields(Metrics)),
         "realtime_factor": None,
         "trace_sha256": None,
+        "waits_for": "",
         **dict.fromkeys(field.name for field in fields(FurtherMetrics)),
     }
     return Outcome(row=with_parameters(case, row), code=fingerprint())

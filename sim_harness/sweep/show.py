@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 
+from drive.course import NOT_DRIVEN, PASSED, why_not_driven
 from sim_harness.sweep.outcome import Outcome, is_complete
 from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.plan_store import PlanStore
@@ -40,7 +41,7 @@ class Display(Watch):
     def add(self, key: str, outcome: Outcome) -> None:
         """Print an outcome, and those that waited for it."""
         self._done += 1
-        self._failed += outcome.row["status"] == "failed"
+        self._failed += outcome.row["status"] != PASSED
         self._print_rows(self._ordered.add(key, outcome))
         if self._store is None or key not in self._store.done:
             line = f"[{self._done}/{self._total}] {one_line(outcome.row)}"
@@ -83,4 +84,6 @@ def one_line(row: Row) -> str:
             f" {row['max_lateral_error_m']:.2f} m rms {row['rms_lateral_error_m']:.2f} m, departures"
             f" {row['departures']}, interventions {row['interventions']}, {row['realtime_factor']:.1f}x real time"
         )
+        if row["status"] == NOT_DRIVEN:
+            text += f"\n    {why_not_driven(row['waits_for'])}"
     return text + "".join(f"\n    {reason}" for reason in row["reasons"])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from supervisor.inputs.validation import ValidationSettings
 from trepid.causes import Cause
+from trepid.messages import VehicleState
 
 STATISTICS, LEAD, USERS, STATE = "statistics", "lead", "road_users", "state"
 """Names of the inputs besides the estimators."""
@@ -17,7 +18,7 @@ _SILENT = {
 FAULTS = frozenset(
     {
         *(Cause.STALE_DATA, Cause.LOST_ESTIMATOR, Cause.VEHICLE_STATE_LOST),
-        *(*_SILENT.values(), Cause.LOST_PROCESS, Cause.DRIVER_OVERRIDE),
+        *(*_SILENT.values(), Cause.LOST_PROCESS, Cause.STOP_BUTTON, Cause.DRIVER_OVERRIDE),
     }
 )
 """Causes of a :class:`Fault`."""
@@ -47,14 +48,14 @@ class Watchdog:
         lead_s: float | None,
         road_users_s: float | None = None,
         state_s: float,
-        driver_override: bool,
+        state: VehicleState | None,
         now_s: float,
         process_lost: bool = False,
     ) -> Fault:
         """The worst fault by these ages (inf: no message, or none with a possible time), a common cause first.
 
         ``lead_s`` is None where no lead detector runs, ``road_users_s`` where none of people. ``process_lost``: the
-        launcher reports a lost process.
+        launcher reports a lost process. In ``state`` a person may stop or steer the car.
         """
         ages = {**estimator_ages_s, STATISTICS: statistics_s, STATE: state_s}
         for name, age_s in ((LEAD, lead_s), (USERS, road_users_s)):
@@ -78,7 +79,9 @@ class Watchdog:
             cause = silent[0]
         elif process_lost:
             cause = Cause.LOST_PROCESS
-        elif driver_override:
+        elif state is not None and state.stop_pressed:
+            cause = Cause.STOP_BUTTON
+        elif state is not None and state.driver_override:
             cause = Cause.DRIVER_OVERRIDE
         part = ", ".join(sorted(lost & estimators)) if cause == Cause.LOST_ESTIMATOR else ""
         return Fault(cause, bool(lost) or process_lost, part)

@@ -20,7 +20,7 @@ from supervisor.situation.features import DOUBT
 from supervisor.situation.world_state import WorldState
 from trepid.bounds import at_least
 from trepid.causes import Cause, concerning
-from trepid.messages import Mode, Stop
+from trepid.messages import Losses, Mode, Stop
 from trepid.processes.lateness import RECOVERED
 
 
@@ -42,6 +42,7 @@ class View(NamedTuple):
     state: ModeState  # so far
     fear: float
     cause: str  # of fear
+    losses: Losses | None = None  # the newest report of the launcher
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,11 @@ class Obstacle:
 def since(age_s: float) -> str:
     """The age of the newest message of a sender, as text: inf is that of a sender without any."""
     return f"none for {age_s:.1f} s" if math.isfinite(age_s) else "none so far"
+
+
+def _awaited(v: View) -> Collection[str]:
+    """Processes that have not reported yet in a drive that is to begin."""
+    return v.losses.awaited if v.losses is not None else ()
 
 
 def _invalid(v: View) -> list[str]:
@@ -113,6 +119,11 @@ def _state(v: View) -> str:
 
 
 OBSTACLES = (
+    Obstacle(
+        "a process that the launcher still awaits",
+        lambda v: bool(_awaited(v)),
+        lambda v: f"the start of {', '.join(_awaited(v))}",
+    ),
     Obstacle(
         "an estimator without a valid message",
         lambda v: not v.world.estimates or bool(_invalid(v)),
@@ -193,6 +204,7 @@ def _behind_a_vehicle(gap_m: float | None, bounds: Bounds) -> str:
 
 ENDS = {
     Cause.DRIVER_OVERRIDE.value: "the driver to let go",
+    Cause.STOP_BUTTON.value: "a person to release STOP",
     Cause.LOST_PROCESS.value: "the process that is lost",
     Cause.IMAGE_STATISTICS_LOST.value: "the image statistics",
     Cause.LEAD_LOST.value: "the detector of vehicles",

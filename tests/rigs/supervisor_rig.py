@@ -11,6 +11,7 @@ from trepid.messages import (
     Decision,
     ImageStatistics,
     LeadVehicle,
+    Losses,
     Mode,
     RoadUsers,
     SteeringEstimate,
@@ -64,6 +65,7 @@ class Drive:
         lead: LeadVehicle | None = None,
         road_users: RoadUsers | None = None,
         state: VehicleState | None = STATE,
+        losses: Losses | None = None,
     ) -> Decision:
         self.now_s += FRAME_S
         seen_s = self.now_s - LATENCY_S
@@ -81,6 +83,7 @@ class Drive:
             get("state"),
             now_s=self.now_s,
             road_users=get("road_users"),
+            losses=losses,
         )
 
     def last(self, duration_s: float, **messages: Any) -> Decision:

@@ -16,6 +16,7 @@ tags: [nominal]
 road: straight
 duration_s: 0.5
 estimators: [cv]
+expect: {must_stand: true}
 """
 
 

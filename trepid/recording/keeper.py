@@ -32,8 +32,9 @@ class Events:
             found = EMERGENCY if decision.stop is Stop.EMERGENCY and not self._stops else found
             self._stops = decision.stop is Stop.EMERGENCY
         if state is not None:
-            found = INTERVENTION if state.driver_override and not self._overrides else found
-            self._overrides = state.driver_override
+            person = state.driver_override or state.stop_pressed
+            found = INTERVENTION if person and not self._overrides else found
+            self._overrides = person
         if truth is not None:
             before, self._interventions = self._interventions, truth.interventions
             found = INTERVENTION if before is not None and truth.interventions > before else found

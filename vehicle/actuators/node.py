@@ -10,6 +10,7 @@ because it was killed or is frozen, the wire falls silent, and the car itself ha
 import errno
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 from controller.limiter import Limiter, Limits
@@ -213,7 +214,7 @@ class Loop:
             self._times.note(fresh.t_s, newest, began_s=now_s)
         if applied.state.speed_mps is not None:
             self.moving = self._node.moves(applied.state)
-        self._send_state(reported(applied.state, demand))
+        self._send_state(replace(reported(applied.state, demand), stop_pressed=button.held))
         lacking = not failed and (state is None or bool(state.doubted))
         invalid = self._wire.invalid() if lacking else ""
         doubted = "; ".join(filter(None, (invalid, *applied.doubts)))

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, Field
 
+from drive.tally import DRIVEN_M, has_driven
 from sim_harness.judging.conditions.meaning import parse_condition
 from sim_harness.judging.trace import Trace
 from trepid.config import Settings
@@ -38,6 +39,7 @@ class Expect(Settings):
     min_time_gap_s: Positive | None = None
     must_finish: bool = False  # drive the whole route
     must_stop_by_s: Positive | None = None  # drive, then stand still from this time to the end of the run
+    must_stand: bool = False  # not drive at all: any other run in which the car stands is "not driven"
     conditions: tuple[Sentence, ...] = ()  # sentences over time; grammar: docs/conditions.md
 
     def shortened(self, duration_s: float) -> "Expect":
@@ -70,8 +72,15 @@ def judge(expect: Expect, metrics: "Metrics", trace: Trace) -> list[str]:
         reasons.append("the route was not driven to its end")
     if expect.must_stop_by_s is not None:
         reasons += _judge_stop(expect.must_stop_by_s, trace)
+    if expect.must_stand and metrics.distance_m >= DRIVEN_M:
+        reasons.append(f"the car went {metrics.distance_m:.1f} m: expected to stand (must_stand)")
     conditions = map(parse_condition, expect.conditions)
     return reasons + [c.explain(trace) for c in conditions if c.robustness(trace) < 0]
+
+
+def is_driven(expect: Expect, metrics: "Metrics") -> bool:
+    """Whether the car drove by itself, or was not to: a run in which it stood proves nothing else."""
+    return expect.must_stand or has_driven(metrics.distance_m, metrics.engaged_percent)
 
 
 def _judge_stop(by_s: float, trace: Trace) -> list[str]:

@@ -63,10 +63,36 @@ def test_lateral_error_is_weighted_by_the_time_it_held():
 
 
 def test_autonomy_loses_six_seconds_per_intervention():
-    scores = measure(trace_of([truth(0.0), truth(100.0, interventions=2, departures=1, collisions=3)]))
-    assert scores.autonomy_percent == pytest.approx(88.0)
-    assert (scores.departures, scores.interventions, scores.collisions) == (1, 2, 3)
-    assert measure(trace_of([truth(0.0), truth(5.0, interventions=1)])).autonomy_percent == 0.0
+    def scores(end_s, **counts):
+        ends = [truth(0.0), truth(end_s, station_m=9.0, **counts)]
+        return measure(trace_of(ends, [decision(0.0)] * 2))
+
+    found = scores(100.0, interventions=2, departures=1, collisions=3)
+    assert found.autonomy_percent == pytest.approx(88.0)
+    assert (found.departures, found.interventions, found.collisions) == (1, 2, 3)
+    assert scores(5.0, interventions=1).autonomy_percent == 0.0
+
+
+def test_a_car_that_stood_or_was_never_engaged_has_no_autonomy():
+    ends = [truth(0.0), truth(5.0, station_m=9.0)]
+    stopped = [decision(0.0, Mode.STOP, "starting")] * 2
+    assert measure(trace_of(ends, stopped)).autonomy_percent is None
+    assert measure(trace_of([truth(0.0), truth(5.0)], [decision(0.0)] * 2)).autonomy_percent is None
+
+
+def test_the_engaged_share_is_weighted_by_time_and_the_last_stop_names_its_cause():
+    course = [
+        (0.0, Mode.STOP, "starting"),
+        (1.0, Mode.KEEP, "none"),
+        (7.0, Mode.STOP, "dark"),
+        (10.0, Mode.STOP, "none"),
+    ]
+    scores = measure(
+        trace_of([truth(t_s) for t_s, *_ in course], [decision(0.0, *rest) for _, *rest in course])
+    )
+    assert (scores.engaged_percent, scores.stop_cause) == (60.0, "dark")
+    scores = measure(trace_of([truth(0.0), truth(1.0)], [decision(0.0, *rest) for _, *rest in course[:2]]))
+    assert (scores.engaged_percent, scores.stop_cause) == (0.0, None)
 
 
 def test_accelerations_are_largest_magnitudes():

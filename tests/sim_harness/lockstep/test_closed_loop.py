@@ -168,9 +168,33 @@ def test_the_trace_hash_covers_the_contents_of_the_columns():
 def test_a_row_has_the_fields_of_the_design_and_then_the_further_scores():
     fields = """scenario seed status reasons duration_s distance_m departures interventions autonomy_percent
         max_lateral_error_m rms_lateral_error_m max_lateral_accel_mps2 max_lateral_jerk_mps3 max_decel_mps2
-        collisions min_time_gap_s mean_speed_mps max_fear mean_fear modes causes realtime_factor trace_sha256"""
+        collisions min_time_gap_s mean_speed_mps max_fear mean_fear modes causes engaged_percent
+        stop_cause realtime_factor trace_sha256 waits_for"""
     further = [field.name for field in dataclasses.fields(FurtherMetrics)]
     assert list(drive(load_scenario("straight").shortened(1.0)).row()) == [*fields.split(), *further]
+
+
+DARK_FROM_THE_START = "[{kind: black_frames, from_s: 0}]"
+
+
+@pytest.mark.parametrize(
+    ("changes", "status", "reasons"),
+    [
+        ({}, "not driven", ()),
+        ({"must_stand": True}, "passed", ()),
+        ({"must_stand": True, "faults": "[]"}, "failed", ("the car went",)),
+    ],
+)
+def test_a_run_in_which_the_car_stands_passes_only_where_it_is_to_stand(changes, status, reasons):
+    faults = changes.pop("faults", DARK_FROM_THE_START)
+    scenario = load_scenario("straight", {"faults": faults}).shortened(6.0)
+    scenario = scenario.model_copy(update={"expect": scenario.expect.model_copy(update=changes)})
+    row = drive(scenario).row()
+    assert (row["status"], len(row["reasons"])) == (status, len(reasons))
+    assert all(start in reason for start, reason in zip(reasons, row["reasons"], strict=True))
+    stands = faults == DARK_FROM_THE_START
+    assert (row["autonomy_percent"] is None, row["engaged_percent"] == 0.0) == (stands, stands)
+    assert (row["stop_cause"] == "starting", row["waits_for"] != "") == (stands, stands)
 
 
 def test_a_plant_that_understeers_twice_as_much_still_keeps_the_lane():

@@ -32,7 +32,7 @@ def watched(cv_ages_s: list[float], period_s: float = 0.04) -> list[Fault]:
             statistics_s=0.0,
             lead_s=None,
             state_s=0.0,
-            driver_override=False,
+            state=None,
             now_s=n * period_s,
         )
         for n, age_s in enumerate(cv_ages_s)

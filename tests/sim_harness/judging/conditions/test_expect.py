@@ -27,6 +27,8 @@ GOOD_RUN = Metrics(
     mean_fear=0.1,
     modes={},
     causes={},
+    engaged_percent=100.0,
+    stop_cause=None,
 )
 RUN = trace_of([truth(0.0), truth(10.0)])
 
@@ -42,6 +44,8 @@ RUN = trace_of([truth(0.0), truth(10.0)])
         ({"min_mean_speed_mps": 5.0}, {"mean_speed_mps": 4.9}, "mean_speed_mps 4.9: expected at least 5"),
         ({"min_time_gap_s": 1.0}, {}, "min_time_gap_s unknown: expected at least 1"),
         ({"must_finish": True}, {}, "the route was not driven to its end"),
+        ({"must_stand": True}, {}, "the car went 50.0 m: expected to stand"),
+        ({"must_stand": True}, {"distance_m": 0.1}, None),
     ],
 )
 def test_a_run_is_judged_by_its_expect_block(expect, change, reason):
