@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from drive.course import Course, Findings
+from drive.log import DriveLog
 from drive.monitor import Monitor, Show
 from drive.plan import (
     context_of,
@@ -111,14 +112,29 @@ def drive(
         for name, why in plan.findings.misfits.items():
             say(f"the estimator {name} does not run: {why}")
         say(f"{what}: {len(specs)} processes at {endpoint}; `trepid status` shows them")
-        if any(spec.name == PAGE for spec in specs):
-            say(f"live page: {running.page}")
-        if any(spec.name == FOXGLOVE for spec in specs):
-            say(f"Foxglove or Lichtblick: open the connection ws://127.0.0.1:{foxglove}")
-        monitor = Monitor(bus, clock, fleet, course, plan.estimators, settings, show)
+        addresses = {
+            PAGE: f"live page: {running.page}",
+            FOXGLOVE: f"Foxglove or Lichtblick: open the connection ws://127.0.0.1:{foxglove}",
+        }
+        shown = telling(
+            show, say, {spec.name: addresses[spec.name] for spec in specs if spec.name in addresses}
+        )
+        monitor = Monitor(bus, clock, fleet, course, plan.estimators, settings, shown)
         if monitor.wait_until_ready(signals):
             monitor.watch(signals)
         return monitor.row(seed, remark=plan.findings.remark)
+
+
+def telling(show: Show, say: Callable[[str], None], addresses: dict[str, str]) -> Show:
+    """``show``, which also passes to ``say`` the line of each of ``addresses`` once its process listens there."""
+    waiting = dict(addresses)
+
+    def shown(log: DriveLog, fleet: Fleet, elapsed_s: float) -> None:
+        for name in waiting.keys() & log.diagnostics.keys():
+            say(waiting.pop(name))
+        show(log, fleet, elapsed_s)
+
+    return shown
 
 
 class Plan(NamedTuple):
