@@ -30,6 +30,11 @@ BENCHMARKS = {
     "faults": Benchmark(
         "live.faults.bench", "faults of real processes: time to the brake, lane, ends, recordings"
     ),
+    "live": Benchmark(
+        "live.agreement",
+        "live drives beside lock-step runs of the same scenarios, on a quiet and on a loaded machine",
+        pictured=False,
+    ),
     "soak": Benchmark(
         "live.soak", "half an hour live: memory, files, threads, lost messages of the recorder"
     ),

@@ -92,7 +92,8 @@ def bench(
         int | None,
         typer.Option(
             min=1,
-            help="faults, logbook, people: number of each, default 100; fear-severity: of roads, default 2; "
+            help="faults, logbook, people: number of each, default 100; live: of scenarios, default 20; "
+            "fear-severity: of roads, default 2; "
             "within-sight: of rendered cases, default 300.",
         ),
     ] = None,

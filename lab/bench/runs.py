@@ -18,7 +18,7 @@ Row = dict[str, Any]
 
 def bench_drive() -> Row:
     """Drive the circuit; return scores of the run, latencies [ms], and rate and load of each process."""
-    (row,) = _trepid("drive", "--no-dashboard")
+    (row,) = trepid("drive", "--no-dashboard")
     processes = {
         name: {column: process[column] for column in ("rate_hz", "cpu_percent", "restarts")}
         for name, process in row["processes"].items()
@@ -32,8 +32,8 @@ def bench_drive() -> Row:
 
 def bench_suite(seed: int) -> Row:
     """Run all scenarios; return totals, and the same figures for each tag."""
-    rows = _trepid("sim", "run", "all", "--seed", str(seed), "--jobs", str(JOBS))
-    tags = {row["name"]: row["tags"] for row in _trepid("sim", "list")}
+    rows = trepid("sim", "run", "all", "--seed", str(seed), "--jobs", str(JOBS))
+    tags = {row["name"]: row["tags"] for row in trepid("sim", "list")}
     known = sorted({tag for of_one in tags.values() for tag in of_one})
     by_tag = {tag: figures([row for row in rows if tag in tags[row["scenario"]]]) for tag in known}
     return {
@@ -56,7 +56,7 @@ def figures(rows: list[Row]) -> Row:
     }
 
 
-def _trepid(*words: str) -> list[Row]:
+def trepid(*words: str) -> list[Row]:
     """The lines of JSON that a verb prints. Raises InputError when it does not run to its end."""
     command = [sys.executable, "-m", "trepid", *words, "--json"]
     ended = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
