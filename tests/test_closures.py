@@ -106,7 +106,7 @@ CLOSURES = {
         2_250,
     ),
     "ROS 2 bridge": Closure("import vehicle.ros.bridge", {"vehicle", "controller"}, 34, 2_900),
-    "page": Closure("import cockpit.page.node", {"cockpit", "vehicle"}, 47, 4_700),
+    "page": Closure("import cockpit.page.node", {"cockpit", "vehicle"}, 47, 4_800),
 }
 
 ROAD = ("perception", "supervisor", "controller", "vehicle", "drive", "cockpit")

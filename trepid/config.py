@@ -32,8 +32,9 @@ from trepid.spelling import did_you_mean
 ROOT = Path(__file__).resolve().parents[1]
 """The checkout, or the folder that the packages are installed in."""
 _INSTALLED = ROOT / "trepid" / "defaults"  # where a wheel holds the files of config/
-CONFIG_DIR = _INSTALLED if _INSTALLED.is_dir() else ROOT / "config"
-WORK_DIR = Path() if _INSTALLED.is_dir() else ROOT
+IS_INSTALLED = _INSTALLED.is_dir()  # from a wheel; else a checkout
+CONFIG_DIR = _INSTALLED if IS_INSTALLED else ROOT / "config"
+WORK_DIR = Path() if IS_INSTALLED else ROOT
 """Where benchmarks and trainings write: the checkout, else the working folder."""
 CAR = "TREPID_CAR"
 _DOCUMENT = re.compile(r"^(?:---|\.\.\.)[ \t]*$", re.MULTILINE)

@@ -5,14 +5,16 @@ one, the lowest of all, names no module of theirs. `perception`, `supervisor` an
 """
 
 import importlib.util
+from base64 import urlsafe_b64encode
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib import import_module
+from hashlib import sha256
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from trepid.config import ROOT, InputError
+from trepid.config import IS_INSTALLED, ROOT, InputError
 
 PACKAGES = (
     "trepid",
@@ -91,13 +93,52 @@ def simulated_car() -> str:
     return next(one.simulated_car for one in offers() if one.simulated_car)
 
 
-def check_packages() -> None:
-    """Raise InputError when a package is not imported from this checkout."""
+def check_packages(*, wholly: bool = False) -> None:
+    """Raise InputError when a package is not that of this installation.
+
+    ``wholly``: compare every module with the record of the installation, and not only the first of each package.
+    """
     for name in PACKAGES:
         spec = importlib.util.find_spec(name)
         origin = spec.origin if spec else None
         if origin is None or Path(origin).resolve().parent != ROOT / name:
             raise InputError(
-                f"package {name!r} is imported from {origin}, expected {ROOT / name}; "
+                f"package {name!r} is imported from {origin or 'nowhere'}, expected {ROOT / name}; "
                 "uninstall the other package or use a fresh virtual environment"
             )
+    for path, by in _foreign(wholly=wholly):
+        raise InputError(
+            f"{path} is not the file that was installed{f': {by} has overwritten it' if by else ''}; "
+            f"uninstall {by or 'the other package'}, then `pip install --force-reinstall --no-deps trepid`, or use "
+            "a fresh virtual environment"
+        )
+
+
+def _foreign(*, wholly: bool) -> Iterator[tuple[Path, str]]:
+    """Modules of an installed wheel that differ from its record, and the distribution that claims them; "": none.
+
+    A checkout has no record of its modules.
+    """
+    if not IS_INSTALLED:
+        return
+    record = metadata.distribution("trepid").read_text("RECORD") or ""
+    for line in record.splitlines():
+        name, _, rest = line.partition(",")
+        package, _, module = name.partition("/")
+        if package in PACKAGES and (module == "__init__.py" or (wholly and name.endswith(".py"))):
+            path, digest = ROOT / name, rest.partition(",")[0].removeprefix("sha256=")
+            if not path.is_file() or _digest(path) != digest:
+                yield path, _claims(name)
+
+
+def _digest(path: Path) -> str:
+    """The hash of a file as a record of an installation writes it (PEP 376)."""
+    return urlsafe_b64encode(sha256(path.read_bytes()).digest()).decode().rstrip("=")
+
+
+def _claims(name: str) -> str:
+    """The first other distribution whose record lists the file ``name``; "": none."""
+    for one in metadata.distributions():
+        if one.name != "trepid" and f"{name}," in (one.read_text("RECORD") or ""):
+            return one.name
+    return ""

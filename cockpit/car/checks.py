@@ -10,7 +10,7 @@ from trepid.packages import PACKAGES, check_packages
 def packages() -> Finding:
     """The packages of Trepid are those of this installation: their names also exist on PyPI."""
     try:
-        check_packages()
+        check_packages(wholly=True)
     except InputError as error:
         return Finding(
             "packages", False, str(error), "uninstall the other package, or use a fresh environment"

@@ -45,7 +45,7 @@ def test_the_packages_settings_models_and_endpoint_of_this_checkout_are_in_order
 
 
 def test_an_intruding_package_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    def intruder() -> None:
+    def intruder(*, wholly: bool) -> None:
         raise InputError("package 'controller' is imported from elsewhere")
 
     monkeypatch.setattr(checks, "check_packages", intruder)
