@@ -322,10 +322,10 @@ def _require_sources(name: str, settings: RcSettings) -> None:
     if settings.speed is SpeedSource.NONE:
         raise InputError(
             f"actuator.yaml: {name}.speed: none: the limiter drives no car of unknown speed; choose `modelled` "
-            "(the throttle table) or `sensor`: docs/actuators.md"
+            "(the throttle table) or `sensor`: docs/rc_boards.md"
         )
     if settings.yaw_rate == "none":
         raise InputError(
             f"actuator.yaml: {name}.yaw_rate: none: the supervisor drives no car of unknown yaw rate; choose "
-            "`modelled` (the bicycle of vehicle.yaml): docs/actuators.md"
+            "`modelled` (the bicycle of vehicle.yaml): docs/rc_boards.md"
         )

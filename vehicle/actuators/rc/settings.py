@@ -13,7 +13,7 @@ WRITES_HZ = 100.0  # of vehicle.actuators.node
 PULSE_BYTES = {"ascii": len("S10 1500\n"), "maestro": 4}
 BITS_A_BYTE = 10  # with start and stop bit
 SPARE = 1.5  # of the bytes, so that a pulse never waits behind older ones
-BOARD_SILENCE_S = 0.25  # of the watchdog of a serial board: docs/actuators.md
+BOARD_SILENCE_S = 0.25  # of the watchdog of a serial board: docs/rc_boards.md
 
 
 class SpeedSource(StrEnum):

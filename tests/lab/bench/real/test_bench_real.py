@@ -230,7 +230,7 @@ def test_techniques_are_scored_beside_the_estimators_of_the_car_once_for_the_sam
 
 def test_real_pictures_are_not_written_into_the_repository(made_up, tmp_path):
     with pytest.raises(InputError, match="do not belong"):
-        bench_real(data=tmp_path, out=ROOT / "docs" / "results")
+        bench_real(data=tmp_path, out=ROOT / "lab" / "results")
 
 
 def test_an_unknown_set_and_an_unknown_estimator_are_refused():
