@@ -73,6 +73,7 @@ OFFERS = Offers(
     },
     functions={
         "Car": "cockpit.api",
+        "compare": "cockpit.compare.api",
         "OpenRecording": "cockpit.api",
         "explain": "cockpit.api",
         "load": "cockpit.api",

@@ -7,8 +7,8 @@ Conventions everywhere (ISO 8855 / REP 103): x forward, y left, z up; angles, cu
 offset are positive to the left; SI units, and every name carries its unit.
 
 For notebooks and scripts it offers ``load``, ``estimate``, ``rate``, ``run``, ``sweep``, ``drive``,
-``open_recording`` and ``explain`` (docs/python.md). Each is imported from the package that implements it when it is
-used first.
+``open_recording``, ``compare`` and ``explain`` (docs/python.md). Each is imported from the package that implements
+it when it is used first.
 """
 
 from importlib import import_module
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cockpit.api import Car, OpenRecording, explain, load, open_recording
+    from cockpit.compare.api import compare
     from drive.api import drive
     from perception.api import estimate
     from sim_harness.api import run, sweep
@@ -28,6 +29,7 @@ __all__ = [
     "InputError",
     "OpenRecording",
     "__version__",
+    "compare",
     "drive",
     "estimate",
     "explain",

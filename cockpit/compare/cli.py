@@ -3,18 +3,11 @@
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from trepid.config import InputError
-
-if TYPE_CHECKING:
-    from cockpit.compare.drives import Course
-
-RUNS = "runs.jsonl"  # in the folder of `trepid sim run --out`
-SUFFIXES = (".mcap", ".npz")  # of the files that a folder is compared by
-WORDS = {"recordings": "recordings", "traces": "traces", "runs": "stored runs", "folders": "folders"}
 
 
 def compare(
@@ -39,18 +32,16 @@ def compare(
     Two traces are equal where their trace_sha256 are. The exit code is 0 when both were compared, also where they
     differ.
     """
+    from cockpit.compare.api import common_kind, compared
     from cockpit.compare.drives import courses
     from trepid.images.figure_style import save
 
-    kinds = [kind_of(path) for path in (one, other)]
-    if kinds[0] != kinds[1]:
-        what = " and ".join(WORDS[kind] for kind in kinds)
-        raise InputError(f"{one} and {other}: {what} cannot be compared; give two of a kind")
+    kind = common_kind(one, other)
     if report is not None and report.exists():
         raise InputError(f"{report}: exists already and is kept; give another name")
-    if picture is not None and kinds[0] not in ("recordings", "traces"):
+    if picture is not None and kind not in ("recordings", "traces"):
         raise InputError(f"--picture {picture}: only two recordings or two traces are drawn")
-    found, drawn = compared(one, other, kinds[0])
+    found, drawn = compared(one, other, kind)
     names = (f"A {one.name}", f"B {other.name}")
     if picture is not None and drawn is not None:
         save(courses(drawn, names), picture)
@@ -58,66 +49,9 @@ def compare(
         from cockpit.compare.page import write_page
 
         figure = None if drawn is None else courses(drawn, names)
-        write_page(report, found, list(_summary(found)), _meanings(kinds[0]), figure)
+        write_page(report, found, list(_summary(found)), _meanings(kind), figure)
     typer.echo(json.dumps(found) if as_json else "\n".join(_text(found)))
     return 0
-
-
-def kind_of(path: Path) -> str:
-    """The kind of a file or folder. Raises InputError."""
-    from cockpit.logbook.explain_drive import is_recording
-
-    if path.is_dir():
-        if (path / RUNS).is_file():
-            return "runs"
-        if any(file.suffix in SUFFIXES for file in path.iterdir()):
-            return "folders"
-        raise InputError(f"{path}: holds neither {RUNS} nor files {' or '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    if path.suffix == ".npz":
-        return "traces"
-    return "recordings" if is_recording(path) else "runs"
-
-
-def compared(one: Path, other: Path, kind: str) -> "tuple[dict[str, Any], tuple[Course, Course] | None]":
-    """The comparison of two paths of a kind, for JSON, and what is drawn of them. Raises InputError."""
-    from cockpit.compare.drives import compare_drives, course, side_by_side
-    from cockpit.compare.runs import compare_runs
-
-    names = {"a": str(one), "b": str(other)}
-    if kind == "recordings":
-        found, (a, b) = compare_drives(one, other)
-        return {**names, **found}, (course(a), course(b))
-    if kind == "traces":
-        from sim_harness.judging.trace_difference import compare_traces
-
-        found, traces = compare_traces(one, other)
-        found["figures"] = side_by_side(*found.pop("scores"))
-        columns = ("decision.fear", "speed_mps", "lateral_offset_m")
-        drawn = [(t["t_s"] - t["t_s"][0], *(t[name] for name in columns)) for t in traces]
-        return {**names, **found}, (drawn[0], drawn[1])
-    if kind == "folders":
-        return {**names, **_folders(one, other)}, None
-    files = [path / RUNS if path.is_dir() else path for path in (one, other)]
-    return {**names, **compare_runs(*files)}, None
-
-
-def _folders(one: Path, other: Path) -> dict[str, Any]:
-    """Every pair of files of the same name."""
-    first, second = (
-        {file.name for file in folder.iterdir() if file.suffix in SUFFIXES} for folder in (one, other)
-    )
-    pairs = []
-    for name in sorted(first & second):
-        found, _ = compared(one / name, other / name, kind_of(one / name))
-        pairs.append({**found, "name": name})
-    return {
-        "kind": "folders",
-        "pairs": pairs,
-        "only_a": sorted(first - second),
-        "only_b": sorted(second - first),
-    }
 
 
 def _meanings(kind: str) -> Mapping[str, str]:

@@ -12,6 +12,7 @@ import pytest
 from drive_rig import run
 from recorded_rig import recorded
 
+import trepid
 from cockpit.compare.page import unit_of
 from sim_harness.judging.trace import Trace
 from sim_harness.judging.trace_difference import compare_traces
@@ -69,6 +70,12 @@ def test_a_shorter_trace_is_not_equal_although_no_common_sample_differs(drives: 
     found, _ = compare_traces(drives / "run.npz", tmp_path / "b.npz")
     assert not found["equal"] and found["first_difference"] is None
     assert found["samples"][0] - found["samples"][1] == 5
+
+
+@pytest.mark.parametrize("name", ["run.npz", "run.mcap", ""])
+def test_the_function_gives_what_the_verb_prints(drives: Path, compare: Any, name: str) -> None:
+    _, out, _ = compare(drives / name, drives / name, "--json")
+    assert trepid.compare(drives / name, drives / name) == json.loads(out)
 
 
 def test_folders_are_compared_file_by_file_of_the_same_name(
