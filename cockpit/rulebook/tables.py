@@ -43,6 +43,10 @@ WHY = {
     "sight": "a stop must fit within what is seen: something may stand beyond; the cause is what ends the sight",
     "cv_confidence": "the estimator finds no lines or edges: worn, covered or missing markings",
     "cnn_confidence": "the network itself reports an image unlike its training data",
+    "segments_confidence": "the masks show no lane: weak, broken, or of an unusual width",
+    "segments_support": "an independent source that is sure stands in for one that is unsure: masks see roads on "
+    "which lines hardly show, and which the network of the own lane was never trained on",
+    "segments_jitter": "as cv_jitter: masks that flicker move their boundaries",
     "cv_jitter": "a road does not jump, so a jump is an error of the estimate (two candidate lines, false edges)",
     "cnn_jitter": f"a measure of uncertainty and of distribution shift: {_UNLIKE}",
     "cnn_path_jitter": "on roads like those of its training data the network is steady; on trodden snow its "

@@ -70,7 +70,7 @@ class Fused(NamedTuple):
     sources: tuple[str, ...]  # the fused estimators
     trust: tuple[float, ...]  # their shares; sums to 1; empty when nothing was fused
     disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
-    # the part beyond what both state to know, times the share of the less confident one; 0 with fewer than two
+    # the part beyond what both state to know, times their share (:func:`_disagreement`); 0 with fewer than two
     weighted_disagreement_mps2: float
     weighted_separation_m: float  # likewise of two lateral offsets, the least over ``lasting_s``
 
@@ -333,10 +333,11 @@ def _disagreement(
     deviation has σ = 0. An estimator outside its world is no view: its confidence is below
     ``validation.min_confidence``.
 
-    The significant parts are weighted with the lower confidence over the higher one: a view of low confidence
-    is probably an outlier.
+    The significant parts are weighted with the lower confidence of the two over the highest of all views: a view of
+    low confidence is probably an outlier, also where it contradicts another one and a third view is sure.
     """
     plain, significant, separation_m = None, 0.0, 0.0
+    highest = max([view.confidence for view in views], default=1.0)
     for a, b in itertools.combinations(views, 2):
         apart_1pm = abs(pursuit_curvature(a.ahead_m, lookahead_m) - pursuit_curvature(b.ahead_m, lookahead_m))
         ahead_m = settings.same_road_sigmas * math.hypot(a.ahead_sigma_m, b.ahead_sigma_m)
@@ -344,7 +345,7 @@ def _disagreement(
         known_1pm = at_least(apart_1pm - pursuit_curvature(ahead_m, lookahead_m), 0.0)
         unusual_m = at_least(here_m - settings.usual_deviation_m, 0.0)
         known_m = at_least(_here_m(a, b) - unusual_m, 0.0)
-        share = at_most(b.confidence, a.confidence) / at_least(b.confidence, a.confidence)
+        share = at_most(b.confidence, a.confidence) / highest
         plain = at_least(apart_1pm, plain or 0.0)
         significant = at_least(known_1pm * share, significant)
         separation_m = at_least(known_m * share, separation_m)

@@ -7,7 +7,7 @@ which is an unknown lane width), one beyond the worst where none does (no lane w
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 
 from supervisor.inputs.consistency import Steadiness
 from supervisor.inputs.validation import ValidatedEstimate, surest_of_marking
@@ -16,13 +16,14 @@ from supervisor.path.fusion import Fused
 from supervisor.path.giving_way import Way
 from supervisor.rules.rule_file import FORMER_PATH_JITTER
 from supervisor.situation.added import added_names
-from supervisor.situation.ratings import CONFIDENCE, ESTIMATOR_SUFFIXES, JITTER, PATH_JITTER
+from supervisor.situation.ratings import CONFIDENCE, ESTIMATOR_SUFFIXES, JITTER, PATH_JITTER, SUPPORT
 from trepid.bounds import at_least, at_most
 from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics
 from trepid.spelling import did_you_mean
 
 BEYOND = 1e6  # beyond the range of any input
+UNKNOWN_ERROR_M = 10.0  # of the width of a lane: that of some lanes, which a surer estimator can outweigh
 _CRAWL_MPS = 1.0  # least speed in the computation of a time gap: at standstill any distance is enough
 
 IMAGE_FEATURES = {
@@ -141,6 +142,7 @@ def features(
     motion: Motion | None,
     *,
     trust: Mapping[str, float],
+    rated_as: Mapping[str, str],
     single_source_s: float,
     half_width_m: float,
     way: Way | None,
@@ -148,14 +150,19 @@ def features(
 ) -> Features:
     """Every input by name: ``early`` and the features that depend on the fusion.
 
-    ``trust`` is the factor of the confidence of each estimator, 1 for estimators without one; ``half_width_m`` is
-    half the width of the vehicle, ``way`` what road users leave to it, None where they are lost.
+    ``trust`` is the factor of the confidence of each estimator, 1 for estimators without one, ``rated_as`` its name
+    in the features; ``half_width_m`` is half the width of the vehicle, ``way`` what road users leave to it, None
+    where they are lost.
     ``enlargement`` is that of the reference world relative to the world of the car.
     Tyres and gravity do not scale (:mod:`trepid.scale`): the lateral demand is rated in the world of the car.
     """
     speed_mps = early["speed"]
     trusted = [(s, s.confidence * trust.get(s.estimator, 1.0)) for s in estimates if s.confidence is not None]
     found = dict(early)
+    for s, confidence in trusted:  # a view that the fusion rejects supports nothing
+        held = confidence if s.estimator in fused.sources else 0.0
+        name = rated_as[s.estimator] + SUPPORT
+        found[name] = at_least(held, found.get(name) or 0.0)
     found["lane_confidence"] = max([c for _, c in trusted]) if trusted else None
     found["second_confidence"] = sorted([0.0, 0.0, *[c for _, c in trusted]])[-2] if trusted else None
     found["seen_confidence"] = max([0.0 if s.from_memory else c for s, c in trusted]) if trusted else None
@@ -163,8 +170,8 @@ def features(
     found["single_source"] = single_source_s
     found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps, enlargement)
     # An unknown width of a measured lane counts as the narrowest lane: no room at all.
-    unknown = True in [s.measures_width and s.width_m is None for s in estimates]
-    found["crossing"] = _crossing_s(fused, motion, 0.0 if unknown else early["lane_width"], half_width_m)
+    room_m = _narrowest_m(estimates, unknown_m=0.0)
+    found["crossing"] = _crossing_s(fused, motion, room_m, half_width_m)
     found["person_time"] = None if way is None else at_most(way.time_s, BEYOND)
     found["person_margin"] = _person_margin_mps(way, speed_mps)
     return found
@@ -180,15 +187,41 @@ def _contradiction(
 
 
 def _lane_width_error(estimates: list[ValidatedEstimate]) -> float:
-    """The greatest of the estimators that measure boundaries."""
-    errors = [BEYOND if s.width_error_m is None else s.width_error_m for s in estimates if s.measures_width]
-    return max(errors) if errors else BEYOND
+    """The greatest of the estimators that measure boundaries, each drawn towards that of the surest of them.
+
+    With the confidence c of an estimator and c* of the surest, whose error is x*, its error x counts as
+    x* + (x - x*)·c/c*: a boundary that is probably wrong says little about the width of the lane. An unknown width
+    is BEYOND, of an estimator less sure than another UNKNOWN_ERROR_M.
+    """
+    measured = [(s.width_error_m, s.confidence or 0.0) for s in estimates if s.measures_width]
+    greatest = max([c for _, c in measured], default=0.0)
+    found = [((BEYOND if c >= greatest else UNKNOWN_ERROR_M) if x is None else x, c) for x, c in measured]
+    return max(_by_confidence(found), default=BEYOND)
 
 
-def _narrowest_m(estimates: list[ValidatedEstimate]) -> float:
-    """The least measured width; BEYOND where there is none, which lane_width_error rates."""
-    widths_m = [s.width_m for s in estimates if s.measures_width and s.width_m is not None]
-    return min(widths_m) if widths_m else BEYOND
+def _narrowest_m(estimates: list[ValidatedEstimate], unknown_m: float | None = None) -> float:
+    """The least width of the estimators that measure boundaries, each drawn as that of :func:`_lane_width_error`.
+
+    An unknown width counts as ``unknown_m``, or not at all. BEYOND where there is none, for which lane_width_error
+    raises fear.
+    """
+    widths_m = [
+        (unknown_m if s.width_m is None else s.width_m, s.confidence or 0.0)
+        for s in estimates
+        if s.measures_width
+    ]
+    return min(_by_confidence([(width, c) for width, c in widths_m if width is not None]), default=BEYOND)
+
+
+def _by_confidence(found: list[tuple[float, float]]) -> list[float]:
+    """Each value of (value, confidence), drawn towards the one of the greatest confidence by their shares."""
+    if not found:
+        return []
+    surest, greatest = max(found, key=itemgetter(1))
+    return [
+        value if value == surest or c >= greatest else surest + (value - surest) * c / greatest
+        for value, c in found
+    ]
 
 
 def _unmarked(estimates: list[ValidatedEstimate]) -> float:

@@ -13,8 +13,8 @@ from supervisor.rules.rule_file import FORMER_PATH_JITTER
 from trepid.messages import EstimateKind
 from trepid.spelling import did_you_mean
 
-CONFIDENCE, JITTER, PATH_JITTER = "_confidence", "_jitter", "_path_jitter"
-ESTIMATOR_SUFFIXES = (CONFIDENCE, PATH_JITTER, FORMER_PATH_JITTER, JITTER)  # longer endings first
+CONFIDENCE, JITTER, PATH_JITTER, SUPPORT = "_confidence", "_jitter", "_path_jitter", "_support"
+ESTIMATOR_SUFFIXES = (CONFIDENCE, PATH_JITTER, FORMER_PATH_JITTER, JITTER, SUPPORT)  # longer endings first
 RATED_AS: Mapping[str, str] = {EstimateKind.LANE.value: "cv", EstimateKind.ANGLE.value: "angle"}
 
 
@@ -52,11 +52,12 @@ def near_miss(rules: FearRules, name: str) -> str:
 def absent_values(rules: FearRules, estimators: int) -> dict[str, float | None]:
     """Values of the estimator inputs of ``rules`` where no estimator runs that they rate.
 
-    With one estimator alone they are 0: no confidence, because nothing confirms it. With two or more they are calm.
+    With one estimator alone they are 0: no confidence, because nothing confirms it. With two or more they are calm,
+    except support: what does not run supports no other estimator.
     """
     alone = estimators < 2
     return {
-        name: 0.0 if alone else rules.inputs[name].calmest
+        name: 0.0 if alone or name.endswith(SUPPORT) else rules.inputs[name].calmest
         for name in rules.names
         if name.endswith(ESTIMATOR_SUFFIXES)
     }

@@ -158,6 +158,7 @@ class WorldStateObserver:
             fused,
             motion,
             trust=trust,
+            rated_as=rated,
             # Nothing has ever checked the only estimator of a car.
             single_source_s=self._single.step(alone, now_s=now_s) if len(seen) > 1 else BEYOND,
             half_width_m=self._half_width_m,

@@ -55,6 +55,7 @@ class Drive:
     now_s: float = 0.0
     speed_mps: float = 0.0
     latest: dict[str, Any] = field(default_factory=dict)  # the last message of every sender
+    estimators: tuple[str, ...] = ("cv", "cnn")
 
     def frame(
         self,
@@ -66,18 +67,20 @@ class Drive:
         road_users: RoadUsers | None = None,
         state: VehicleState | None = STATE,
         losses: Losses | None = None,
+        segments: SteeringEstimate | None = None,
     ) -> Decision:
         self.now_s += FRAME_S
         seen_s = self.now_s - LATENCY_S
         if state is not None:
             self.latest["state"] = replace(state, t_s=self.now_s - 0.01, speed_mps=self.speed_mps)
-        sent = {"cv": cv, "cnn": cnn, "statistics": statistics, "lead": lead, "road_users": road_users}
+        sent = {"cv": cv, "cnn": cnn, "segments": segments, "statistics": statistics, "lead": lead}
+        sent["road_users"] = road_users
         for name, message in sent.items():
             if message is not None:
                 self.latest[name] = replace(message, t_s=seen_s)
         get = self.latest.get
         return self.supervisor.step(
-            {"cv": get("cv"), "cnn": get("cnn")},
+            {name: get(name) for name in self.estimators},
             get("statistics"),
             get("lead"),
             get("state"),

@@ -22,7 +22,7 @@ from trepid.config import CONFIG_DIR
 from trepid.messages import Mode
 
 RULES = FearRules.load(CONFIG_DIR / "fear.yaml")
-CALM, WORST = calmest(RULES), worst(RULES)
+CALM, WORST = calmest(RULES) | {"segments_support": 0.0}, worst(RULES)  # a car without segments
 POINTS = st.fixed_dictionaries(
     {name: st.floats(*spec.range, allow_subnormal=False) for name, spec in RULES.inputs.items()}
 )
