@@ -7,9 +7,9 @@ PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constr
 BIN := $(VENV)/bin
 LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter/test_parts.py tests/controller/limiter/test_limiter.py
 # By file name: importing all test files would take longer than these tests.
-PROCESS_TESTS := $(shell grep -rl mark.processes tests --include=test_*.py)
-SMOKE_TESTS := $(shell grep -rl mark.smoke tests --include=test_*.py)
-LONG_TESTS := $(shell grep -rl mark.long tests --include=test_*.py)
+PROCESS_TESTS := $(shell grep -rl mark.processes tests lab/tests --include=test_*.py)
+SMOKE_TESTS := $(shell grep -rl mark.smoke tests lab/tests --include=test_*.py)
+LONG_TESTS := $(shell grep -rl mark.long tests lab/tests --include=test_*.py)
 
 # The wheel of casadi holds most libraries two or three times, which are symbolic links elsewhere.
 define LINK_COPIES
@@ -55,9 +55,11 @@ $(READY): pyproject.toml constraints.txt
 	@touch $(READY)
 	@echo "== $(VENV) is ready to drive"
 
-$(TESTED): $(READY)
-	@echo "== adding what the tests need"
+# The laboratory without its dependencies: the peers of its benchmarks take 250 MB, which no test needs.
+$(TESTED): $(READY) lab/pyproject.toml
+	@echo "== adding what the tests need, and the laboratory"
 	@$(PIP) -e '.[test]'
+	@$(PIP) --no-deps --no-build-isolation -e lab
 	@touch $(TESTED)
 	@echo "== $(VENV) is ready to test"
 

@@ -79,5 +79,6 @@ OFFERS = Offers(
         "load": "cockpit.api",
         "open_recording": "cockpit.api",
     },
+    elsewhere={"bench": "pip install -e lab"},
     publishes={"cockpit.page.node": ("driver/stop",)},
 )

@@ -1,17 +1,10 @@
-"""What the package offers to command line, Python and launcher."""
+"""What the laboratory adds to Trepid; lab/pyproject.toml names it as entry points."""
 
-from trepid.packages import Offers, Verb
+from trepid.packages import Verb
 
-OFFERS = Offers(
-    verbs={
-        "bench": Verb(
-            "lab.bench.cli",
-            "bench",
-            "Measure time and accuracy of the parts, relative to a peer in the same run.",
-        ),
-    },
-    examples={
-        "bench": "trepid bench control --save lab/results",
-    },
-    simulates=True,
+BENCH = Verb(
+    "lab.bench.cli",
+    "bench",
+    "Measure time and accuracy of the parts, relative to a peer in the same run.",
+    example="trepid bench control --save lab/results",
 )

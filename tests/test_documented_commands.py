@@ -20,7 +20,7 @@ import pytest
 import typer
 from typer.exceptions import TyperException
 
-from trepid.cli import app, examples, main
+from trepid.cli import app, examples, main, verbs
 from trepid.config import CAR, ROOT, use_car
 
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -86,7 +86,8 @@ def documented(page: Path, text: str) -> Iterator[Documented]:
 
 
 COMMANDS = [command for page in PAGES for command in documented(page, page.read_text(encoding="utf-8"))]
-COMMANDS += [Documented(f"help of {verb}", example) for verb, example in examples().items()]
+COMMANDS += [Documented(f"help of {words}", example) for words, example in examples().items()]
+COMMANDS += [Documented(f"help of {name}", verb.example) for name, verb in verbs().items() if verb.example]
 TREPID = [command for command in COMMANDS if command.words[0] == "trepid"]
 MAKE = [command for command in COMMANDS if command.words[0] == "make"]
 

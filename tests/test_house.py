@@ -14,8 +14,9 @@ import networkx
 import pytest
 
 from trepid.config import ROOT
-from trepid.packages import PACKAGES
+from trepid.packages import PACKAGES as TREPID
 
+PACKAGES = (*TREPID, "lab")  # the laboratory is a package of its own, with its tests beside it
 ROAD = {"trepid", "perception", "supervisor", "controller", "vehicle"}
 ALLOWED = {
     "trepid": {"trepid"},
@@ -39,7 +40,8 @@ def modules() -> dict[str, Path]:
     """Path of every module of the packages, by its dotted name."""
     found = {}
     for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
+        folder = ROOT / package
+        for path in sorted(set(folder.rglob("*.py")) - set((folder / "tests").rglob("*.py"))):
             name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
             found[name.removesuffix(".__init__")] = path
     return found

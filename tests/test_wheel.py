@@ -52,6 +52,11 @@ def test_images_are_estimated_by_every_estimator_of_the_drive(wheel: Installatio
         assert json.loads(done.stdout)["estimator"] == estimator
 
 
+def test_the_laboratory_is_a_package_of_its_own(wheel: Installation) -> None:
+    folders = {Path(file).parent.name for file in wheel.files()}
+    assert "bench" not in folders and {"recording", "lockstep", "replay"} <= folders
+
+
 def test_scenarios_run_in_lock_step(wheel: Installation) -> None:
     done = wheel.trepid("sim", "run", "straight", "--set", "sight=truth", "--set", "duration_s=3", "--json")
     assert json.loads(done.stdout)["departures"] == 0, done.stderr

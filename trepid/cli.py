@@ -11,7 +11,7 @@ import sys
 import time
 import traceback
 from collections import UserDict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from io import TextIOWrapper
 from typing import Annotated, Any
@@ -21,10 +21,10 @@ from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
-from trepid import __version__
+from trepid import __version__, plugins
 from trepid.config import BAD_INPUT, INTERRUPTED, InputError
 from trepid.loudness import Loudness, detail, loudness, speak, warn
-from trepid.packages import Verb, check_packages, offers
+from trepid.packages import Verb, check_packages, elsewhere, offers
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Numbers of the errors of a disk that takes no more."""
@@ -57,14 +57,13 @@ FIRST = (
     "compare",
     "status",
     "service",
-    "bench",
 )
 """The order of the verbs in the help: by what a car needs first; further ones come last."""
 
 
 @cache
-def verbs() -> Mapping[str, Verb]:
-    """The verbs of all packages, in the order of the help."""
+def own_verbs() -> Mapping[str, Verb]:
+    """The verbs of Trepid, in the order of the help."""
     found = {name: verb for one in offers() for name, verb in one.verbs.items()}
     return {
         name: found[name]
@@ -72,9 +71,24 @@ def verbs() -> Mapping[str, Verb]:
     }
 
 
+def added_verb(name: str) -> Verb:
+    """The verb ``name`` of another package. Raises InputError."""
+    verb = plugins.part(plugins.Group.VERBS, name, {})
+    if not isinstance(verb, Verb):
+        raise InputError(f"{plugins.Group.VERBS} {name!r}: expected a trepid.packages.Verb, got {verb!r}")
+    return verb
+
+
+@cache
+def verbs() -> Mapping[str, Verb]:
+    """The verbs of Trepid in the order of the help, then those of other packages. Raises InputError."""
+    own = own_verbs()
+    return {name: own.get(name) or added_verb(name) for name in plugins.names(plugins.Group.VERBS, own)}
+
+
 @cache
 def examples() -> Mapping[str, str]:
-    """The words of a verb -> an example, which its help shows."""
+    """The words of a verb of Trepid -> an example, which its help shows."""
     return {words: text for one in offers() for words, text in one.examples.items()}
 
 
@@ -133,6 +147,32 @@ class Mounted(UserDict[str, Any]):
         return _mounted(name, self._group, found) if isinstance(found, Verb) else found
 
 
+class AllVerbs(Mounted):
+    """The verbs by name. Other packages are looked up only for a name that is none of Trepid's, or a list of all.
+
+    So another package costs a drive no time, and cannot stop it by an error.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(own_verbs())
+
+    def __getitem__(self, name: str) -> Any:
+        if name in self.data:
+            return super().__getitem__(name)
+        if name not in self:
+            raise KeyError(name)
+        return _mounted(name, "", added_verb(name))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.data or name in plugins.added(plugins.Group.VERBS)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(plugins.names(plugins.Group.VERBS, self.data))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+
 @cache
 def _mounted(name: str, group: str, verb: Verb) -> Any:
     target, mount = verb.load(), typer.Typer()
@@ -141,15 +181,18 @@ def _mounted(name: str, group: str, verb: Verb) -> Any:
     else:
         mount.command(name)(target)
     command = typer.main.get_group(mount).commands[name]
-    _describe(command, f"{group} {name}".strip())
+    words = f"{group} {name}".strip()
+    _describe(command, words, {words: verb.example} if verb.example else examples())
     added = {word: one for part in offers() for word, one in part.added.get(name, {}).items()}
     if added and not group:
         command.commands = Mounted({**command.commands, **added}, name)  # type: ignore[attr-defined]
     return command
 
 
-def _describe(command: Any, words: str) -> None:
+def _describe(command: Any, words: str, shown: Mapping[str, str]) -> None:
     """Prepare the help of ``command`` and below, which is called by ``words``: an example, and plain paragraphs.
+
+    ``shown``: words -> the example.
 
     A line break inside a paragraph of a docstring is a space. Rich takes a unit such as [m] for a style and drops
     it, so that brackets are escaped.
@@ -158,24 +201,39 @@ def _describe(command: Any, words: str) -> None:
         if getattr(described, "help", None):
             described.help = escape(re.sub(r"(?<!\n)\n(?!\n)", " ", described.help))
     for name, child in getattr(command, "commands", {}).items():
-        _describe(child, f"{words} {name}")
+        _describe(child, f"{words} {name}", shown)
     if not hasattr(command, "commands"):
         command.params.extend(loudness_options())
-    if words in examples():
-        command.epilog = escape(f"Example: {examples()[words]}")
+    if words in shown:
+        command.epilog = escape(f"Example: {shown[words]}")
 
 
 class Verbs(TyperGroup):
     """The group of all verbs, each imported when it is used."""
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings | {"commands": Mounted(verbs())})
+        super().__init__(**settings | {"commands": AllVerbs()})
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The verb; None where there is none. Raises InputError for one of an add-on that is not installed."""
+        found = super().get_command(ctx, cmd_name)
+        if found is None and cmd_name in elsewhere():
+            raise InputError(f"{cmd_name!r} is a verb of an add-on; in a clone: {elsewhere()[cmd_name]}")
+        return found
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help with the texts of the table: the verbs take seconds to import."""
         listed = TyperGroup(name=self.name, help=self.help, params=self.params)
-        listed.commands.update({name: TyperCommand(name, help=verb.help) for name, verb in verbs().items()})
+        listed.commands.update({name: TyperCommand(name, help=_help_of(name)) for name in self.commands})
         listed.format_help(ctx, formatter)
+
+
+def _help_of(name: str) -> str:
+    """The text of a verb in the list of all; the error of one of another package that cannot be used."""
+    try:
+        return (own_verbs().get(name) or added_verb(name)).help
+    except InputError as error:
+        return escape(str(error))
 
 
 app = typer.Typer(

@@ -26,7 +26,6 @@ PACKAGES = (
     "sim_harness",
     "cockpit",
     "learning",
-    "lab",
 )
 
 
@@ -36,6 +35,7 @@ class Verb(NamedTuple):
     module: str
     name: str = "app"
     help: str = ""  # in the list of verbs, which imports none of them; the first sentence of a command
+    example: str = ""  # of a verb that another package adds; Offers.examples has those of Trepid
 
     def load(self) -> Any:
         """The function of the command, or the Typer application of the group."""
@@ -52,6 +52,9 @@ class Offers:
     functions: Mapping[str, str] = field(default_factory=dict)  # name in ``trepid`` -> module that defines it
     publishes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # program -> keys of its topics
     simulates: bool = False  # its programs are part of a simulator and need a scenario
+    elsewhere: Mapping[str, str] = field(
+        default_factory=dict
+    )  # verb of an add-on -> what installs the add-on
     courses: str = ""  # module that makes the course of a scenario
     simulated_car: str = ""  # program of the simulated car
 
@@ -81,6 +84,11 @@ def offers_of(package: str) -> Offers:
 def offers() -> Iterator[Offers]:
     """What the packages offer, from the lowest on; each is imported when it is asked for."""
     return map(offers_of, PACKAGES)
+
+
+def elsewhere() -> Mapping[str, str]:
+    """Verb of an add-on that is installed by itself -> the command that installs the add-on."""
+    return {name: command for one in offers() for name, command in one.elsewhere.items()}
 
 
 def courses() -> str:

@@ -1,5 +1,5 @@
-"""Parts that other packages add through entry points: estimators, cameras, actuators, plants, inputs of fear,
-processes.
+"""Parts that other packages add through entry points: verbs, estimators, cameras, actuators, plants, inputs of
+fear, processes.
 
 A package declares, for example::
 
@@ -20,6 +20,7 @@ from trepid.spelling import did_you_mean
 class Group(StrEnum):
     """Groups of entry points."""
 
+    VERBS = "trepid.verbs"
     ESTIMATORS = "trepid.estimators"
     CAMERAS = "trepid.cameras"
     ACTUATORS = "trepid.actuators"

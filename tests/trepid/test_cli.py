@@ -9,6 +9,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from trepid import __version__
+from trepid import __version__, plugins
 from trepid.cli import app, examples, verbs
 from trepid.cli import main as trepid_main
 from trepid.config import CONFIG_DIR, ROOT, InputError
@@ -69,11 +70,12 @@ def test_the_help_of_every_verb_shows_its_texts_with_the_units_in_brackets() -> 
 def test_the_help_of_every_verb_ends_with_an_example_that_the_verb_accepts() -> None:
     root = typer.main.get_command(app)
     found = dict(commands("", root))
-    assert set(examples()) == set(found)
+    shown_examples = {**examples(), **{name: verb.example for name, verb in verbs().items() if verb.example}}
+    assert set(shown_examples) == set(found)
     for name, command in found.items():
         shown = words(CliRunner().invoke(app, [*name.split(), "--help"]).stdout)
-        assert shown.endswith(f"Example: {examples()[name]}")
-        program, *arguments = shlex.split(examples()[name])
+        assert shown.endswith(f"Example: {shown_examples[name]}")
+        program, *arguments = shlex.split(shown_examples[name])
         assert program == "trepid" and arguments[: len(name.split())] == name.split()
         parser = command.make_parser(typer.Context(command))
         parser.parse_args(arguments[len(name.split()) :])  # raises for an unknown option
@@ -241,10 +243,10 @@ def test_the_list_of_verbs_imports_none_of_them_and_shows_their_own_texts() -> N
     )
     names = done.stderr.splitlines()
     named = {
-        text for package in PACKAGES for text in (package, f"{package}.offers")
+        text for package in (*PACKAGES, "lab") for text in (package, f"{package}.offers")
     }  # names and texts of verbs
     imported = {name.split(".")[0] for name in names if name not in named}
-    heavy = {"numpy", "scipy", "cv2", "zenoh", "skfuzzy", "matplotlib", *PACKAGES} - {"trepid"}
+    heavy = {"numpy", "scipy", "cv2", "zenoh", "skfuzzy", "matplotlib", "lab", *PACKAGES} - {"trepid"}
     assert imported.isdisjoint(heavy)
     shown = words(done.stdout)
     for name, verb in verbs().items():
@@ -252,6 +254,49 @@ def test_the_list_of_verbs_imports_none_of_them_and_shows_their_own_texts() -> N
         assert verb.help, name
         assert command.help.replace("\\", "").split("\n\n")[0].replace("\n", " ") == verb.help
         assert f"{name} {verb.help}" in shown
+
+
+@pytest.fixture
+def verbs_of_others(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[EntryPoint]]:
+    """The verbs that other packages add; none at first."""
+    points: list[EntryPoint] = []
+    monkeypatch.setattr(plugins, "entry_points", lambda group: points)
+    plugins.added.cache_clear()
+    yield points
+    plugins.added.cache_clear()
+
+
+def test_a_verb_of_the_laboratory_says_how_to_install_it_where_it_is_missing(
+    verbs_of_others: list[EntryPoint],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["trepid", "bench", "lockstep"])
+    code = trepid_main()
+    assert_reported(code, *capfd.readouterr(), "pip install -e lab")
+
+
+@pytest.mark.parametrize(
+    ("value", "problem"),
+    [("no_such_package:VERB", "cannot be imported"), ("json:dumps", "expected a trepid")],
+)
+def test_a_broken_verb_of_another_package_is_named_and_stops_no_other(
+    value: str,
+    problem: str,
+    verbs_of_others: list[EntryPoint],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    verbs_of_others.append(EntryPoint("juggle", value, plugins.Group.VERBS))
+    for arguments in (["juggle"], ["--help"], ["sim", "list", "--tag", "traffic"]):
+        monkeypatch.setattr(sys, "argv", ["trepid", *arguments])
+        code = trepid_main()
+        out, err = capfd.readouterr()
+        if arguments == ["juggle"]:
+            assert_reported(code, out, err, problem)
+        else:
+            assert code == 0
+            assert ("juggle" in out) == (arguments == ["--help"])
 
 
 @pytest.mark.parametrize("verb", [["drive"], ["sim", "run"], ["fear", "explain"], ["bench"], ["estimate"]])
