@@ -1,6 +1,6 @@
 """Vehicles and people in one frame: the detector interface and the embedded detector.
 
-The embedded detector is a network of 17 000 weights on strips of one scale (:mod:`perception.lead.view`). It gives
+The embedded detector is a network of 20 000 weights on strips of one scale (:mod:`perception.lead.view`). It gives
 for each cell of each strip the probability that the nearer end of a vehicle stands there, and where exactly.
 """
 
