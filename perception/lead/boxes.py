@@ -27,6 +27,8 @@ GREY = 128
 T = TypeVar("T")
 NMS_OVERLAP = 0.5
 WIDTH_M = (1.0, 4.0)  # of vehicles: a motorcycle to a truck at an angle
+REAR_M = (1.4, 2.6)  # widths of the rears of cars to lorries
+LENGTH_M = 4.0  # of a vehicle: a longer one is taken for nearer to the lane than it is
 FARTHEST_M = 120.0
 BONNET_SHARE = (
     0.9  # of the image; of the nearest row, 3.2 m wide by the default camera, a lorry of 2.55 m covers 0.8
@@ -189,7 +191,8 @@ class BoxDetector:
 def on_road(camera: Camera, corners: Sequence[float] | Floats, confidence: float) -> Detection | None:
     """The vehicle of a box [px]; None where it would not stand on the road or not have the width of a vehicle.
 
-    A box about as wide as the image that ends at its lower edge is the bonnet of the ego vehicle, or the whole
+    The place is that of its rear: a flank widens the box of a vehicle beside the lane (:func:`rear`). A box
+    about as wide as the image that ends at its lower edge is the bonnet of the ego vehicle, or the whole
     scene taken for a vehicle, as beside a parked van: no vehicle is so wide so near.
     """
     left, _, right, bottom = (float(c) for c in corners)
@@ -202,7 +205,28 @@ def on_road(camera: Camera, corners: Sequence[float] | Floats, confidence: float
     width_m = float(np.hypot(*(feet[0] - feet[1])))
     if not WIDTH_M[0] <= width_m <= WIDTH_M[1]:
         return None
+    aside_m = left_m - camera.y_m
+    ends_m = rear(aside_m + width_m / 2, aside_m - width_m / 2, ahead_m - camera.x_m)
+    left_m, width_m = sum(ends_m) / 2 + camera.y_m, ends_m[0] - ends_m[1]
     return Detection(ahead_m, left_m, width_m, min(max(confidence, 1e-3), 1 - 1e-3))
+
+
+def rear(left_m: float, right_m: float, depth_m: float) -> tuple[float, float]:
+    """The left and the right end of the rear of a vehicle, whose box has these ends at the distance of its foot.
+
+    They are measured from the axis of the lens, left positive, ``depth_m`` along it. A vehicle beside the
+    axis shows its flank to the lens. Its rear, at the distance D, ends at the outer end of the box, but the
+    inner end of the box is the front end of the flank, L farther away, which a box at D shows at D/(D + L) of
+    its distance from the axis. L is at least LENGTH_M. A rear that would be wider than REAR_M is none of a
+    vehicle along the road: one that stands askew or across keeps its box. None gets narrower than REAR_M.
+    """
+    inner_m, outer_m = sorted((left_m, right_m), key=abs)
+    if inner_m * outer_m <= 0.0:
+        return left_m, right_m
+    beside_m = min(abs(inner_m) * (1.0 + LENGTH_M / depth_m), abs(outer_m) - REAR_M[0])
+    if beside_m <= abs(inner_m) or abs(outer_m) - beside_m > REAR_M[1]:
+        return left_m, right_m
+    return (outer_m, beside_m) if outer_m > 0.0 else (-beside_m, outer_m)
 
 
 def _uncut(

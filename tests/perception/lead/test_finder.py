@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixed_detector import FixedDetector
+from hypothesis import given
+from hypothesis import strategies as st
 
-from perception.lead.boxes import on_road
+from perception.lead.boxes import REAR_M, on_road
 from perception.lead.detection import Detection, Platt, peaks
 from perception.lead.finder import Corridor, LeadFinder, lead_settings, usable_lane
 from perception.lead.tracker import Odometry, Tracker
@@ -86,13 +88,64 @@ def test_platt_is_the_logistic_of_the_logit() -> None:
 
 
 def test_a_box_stands_where_its_lower_edge_is() -> None:
-    for place in ((15.0, 0.5), (30.0, -3.0)):
+    for place in ((15.0, 0.5), (30.0, -0.8)):
         there = Detection(*place, 1.8, 0.9)
         box = there.pixels(CAMERA)
         assert box is not None
         found = on_road(CAMERA, box, 0.9)
         assert found is not None
         assert (found.ahead_m, found.left_m, found.width_m) == pytest.approx((*place, 1.8), rel=1e-3)
+
+
+def box_around(
+    near_m: float, inner_m: float, width_m: float, length_m: float, turned_rad: float
+) -> list[float]:
+    """The box [px] of a cuboid on the road whose inner near corner stands at this place, right of the axis."""
+    turn = complex(math.cos(turned_rad), math.sin(turned_rad))
+    outline = (turn * complex(along, -across) for along in (0.0, length_m) for across in (0.0, width_m))
+    places = [(near_m + one.real, CAMERA.y_m - inner_m + one.imag) for one in outline]
+    columns, rows = CAMERA.pixel_from_road(places).T
+    return [float(columns.min()), 80.0, float(columns.max()), float(rows.max())]
+
+
+@given(
+    st.floats(8.0, 30.0),
+    st.floats(1.4, 3.0),
+    st.floats(1.6, 2.5),
+    st.floats(4.0, 9.0),
+    st.sampled_from([1.0, -1.0]),
+)
+def test_a_vehicle_parked_beside_the_lane_stands_where_its_rear_stands(
+    near_m: float, inner_m: float, width_m: float, length_m: float, side: float
+) -> None:
+    left, top, right, bottom = box_around(near_m, inner_m, width_m, length_m, 0.0)
+    if side < 0.0:
+        left, right = (2.0 * CAMERA.pixel_from_road([(9.0, CAMERA.y_m)])[0, 0] - end for end in (right, left))
+    found = on_road(CAMERA, (left, top, right, bottom), 0.9)
+    if found is None or found.width_m > REAR_M[1]:
+        return  # a flank that makes the box too wide
+    end_m = abs(found.left_m - CAMERA.y_m) - found.width_m / 2
+    flat_m = inner_m * (near_m - CAMERA.x_m) / (near_m - CAMERA.x_m + length_m)
+    assert flat_m - 1e-6 <= end_m <= 1.02 * inner_m  # the lens is pitched
+    if length_m < 4.5:
+        assert end_m == pytest.approx(inner_m, abs=0.12 * inner_m)
+    assert math.copysign(1.0, found.left_m - CAMERA.y_m) == -side
+
+
+@pytest.mark.parametrize("reaches_m", [0.2, 0.8])
+@pytest.mark.parametrize("near_m", [5.0, 10.0, 20.0])
+def test_a_vehicle_half_in_the_lane_still_reaches_into_it(near_m: float, reaches_m: float) -> None:
+    found = on_road(CAMERA, box_around(near_m, reaches_m, 1.8, 4.5, 0.0), 0.9)
+    assert found is not None
+    assert -(found.left_m - CAMERA.y_m) - found.width_m / 2 <= 1.02 * reaches_m
+
+
+@pytest.mark.parametrize("near_m", [6.0, 10.0])
+def test_a_vehicle_that_stands_across_keeps_its_whole_width(near_m: float) -> None:
+    box = box_around(near_m, 0.4, 3.6, 1.8, 0.0)  # of one that comes out of a side road
+    found = on_road(CAMERA, box, 0.9)
+    assert found is not None
+    assert -(found.left_m - CAMERA.y_m) - found.width_m / 2 <= 0.41
 
 
 @pytest.mark.parametrize(
