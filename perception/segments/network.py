@@ -113,10 +113,15 @@ class Segmenter:
 
     def _pixels(self, image: cv2.typing.MatLike) -> Floats:
         taken = self._about.input
-        colours = image[:, :, ::-1] if taken.colours == "rgb" else image
-        mean, deviation = np.array([taken.mean, taken.deviation], np.float32)
-        scaled = (colours.astype(np.float32) / 255 - mean) / deviation
-        return np.ascontiguousarray(scaled.transpose(2, 0, 1)[None])
+        planes = cv2.split(image)[::-1] if taken.colours == "rgb" else cv2.split(image)
+        pixels = np.empty((1, 3, *image.shape[:2]), np.float32)
+        for filled, plane, mean, deviation in zip(
+            pixels[0], planes, taken.mean, taken.deviation, strict=True
+        ):
+            np.multiply(plane, np.float32(1 / (255 * deviation)), out=filled)
+            if mean:
+                np.subtract(filled, np.float32(mean / deviation), out=filled)
+        return pixels
 
     def _probability(self, output: Floats, mask: MaskOutput) -> Floats:
         taken = self._about.input
@@ -129,10 +134,20 @@ class Segmenter:
         scores = np.asarray(output[0], np.float32)
         if mask.values == "logits":
             if len(scores) == 1:
-                return 1 / (1 + np.exp(-np.clip(scores[0], -30, 30)))
+                return _logistic(scores[0])
+            if len(scores) == 2 and len(mask.channels) == 1:  # the same as softmax, in half of the time
+                [of] = mask.channels
+                return _logistic(scores[of] - scores[1 - of])
             scores = np.exp(scores - scores.max(axis=0))
             scores /= scores.sum(axis=0)
         return np.asarray(scores[list(mask.channels)].sum(axis=0), np.float32)
+
+
+def _logistic(logits: Floats) -> Floats:
+    """1/(1 + exp(-z)) in float32, whose exponential does not overflow within ± 80."""
+    found = np.exp(-np.clip(logits, -80, 80))
+    found += 1
+    return np.asarray(np.reciprocal(found), np.float32)
 
 
 def _check_names(path: Path, about: SegmentNetwork, session: InferenceSession) -> None:

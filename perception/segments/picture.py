@@ -45,4 +45,7 @@ def crests(lines: Floats) -> Floats:
 
 def _mixed(one: Floats, other: Floats, share: Floats) -> Floats:
     """``share`` of the colour ``one``, the rest of ``other``."""
-    return other + share[..., None] * (one - other)
+    weight = cv2.merge([share] * 3)  # three equal planes multiply faster than one that is spread
+    mixed = weight * (one - other)
+    mixed += other
+    return np.asarray(mixed, np.float32)
