@@ -7,6 +7,7 @@ with a time constant, and growth is limited.
 """
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import cv2
@@ -74,6 +75,7 @@ class SightObserver:
         self._watch = None if assumed else HiddenWatch(settings.hidden)
         self._eyes: dict[tuple[int, ...], _Eye | None] = {}
         self._memory = _Memory(settings)
+        self._beside: deque[tuple[float, float]] = deque()  # times, and ways to the side of the image
 
     def step(
         self, frame: Frame, estimate: SteeringEstimate | None, state: VehicleState | None = None
@@ -113,6 +115,7 @@ class SightObserver:
         lens_m, sure = eye.camera.x_m, estimate is not None and estimate.confidence >= SURE
         hidden = self._hidden(view, frame.t_s) if sure else None
         beside_m = _beside_m(eye.camera, path, settings.strip.near_m) if sure else math.inf
+        beside_m = self._longest_beside_m(beside_m, frame.t_s)
         ends = (
             (settings.reach_m, settings.reach_sigma, ""),
             (air.range_m + lens_m, air.sigma, Cause.FOG),
@@ -158,6 +161,19 @@ class SightObserver:
         return (
             None if self._watch is None else self._watch.step(view.eye.hidden.end(view.image, view.path), t_s)
         )
+
+    def _longest_beside_m(self, beside_m: float, t_s: float) -> float:
+        """The longest of the ways to the side of the image in the last moments.
+
+        Drops on the lens bend a measured lane for some frames; the lane itself leaves the image for longer.
+        """
+        ways, memory_s = self._beside, self._settings.hidden.memory_s
+        if ways and not 0.0 <= t_s - ways[-1][0] <= memory_s:
+            ways.clear()
+        ways.append((t_s, beside_m))
+        while ways[0][0] < t_s - memory_s:
+            ways.popleft()
+        return max(way_m for _, way_m in ways)
 
     def _dark_m(self, view: _View, lit: Lighting) -> float:
         """Distance [m] from the lens at which darkness ends the sight; infinite by day."""

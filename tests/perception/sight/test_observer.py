@@ -124,6 +124,15 @@ def test_a_tight_bend_is_seen_up_to_the_side_of_the_image(radius_m: float) -> No
     assert doubtful is not None and doubtful.distance_m == pytest.approx(SETTINGS.reach_m)
 
 
+@pytest.mark.parametrize(("wrong", "counts"), [(1, False), (8, False), (12, True)])
+def test_a_lane_that_bends_out_of_the_image_for_some_frames_takes_no_sight(wrong: int, counts: bool) -> None:
+    observer, image = SightObserver(SETTINGS, CAMERA), with_trees(misty(5000.0))
+    for number in range(20 + wrong):
+        lane = arc(0.0 if number < 20 else 1 / 12.0)
+        sight = observer.step(Frame(t_s=0.04 * number, image=image), lane)
+    assert sight is not None and (sight.distance_m < 0.5 * SETTINGS.reach_m) == counts
+
+
 @pytest.mark.parametrize("radius_m", [-60.0, 60.0])
 def test_a_bend_that_may_end_before_it_leaves_the_image_takes_no_sight(radius_m: float) -> None:
     sight = seen_in(with_trees(misty(5000.0)), lane=arc(1 / radius_m))
