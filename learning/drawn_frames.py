@@ -19,7 +19,7 @@ from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.things import Thing
 from sim_harness.world.render.scene.vehicles import Body
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.appearance import (
     Light,
     Marking,
@@ -34,8 +34,8 @@ from sim_harness.world.roads.disturbances import MAX_GRADE, Disturbance, Disturb
 from sim_harness.world.roads.drawn import (
     SNOW_COVER,
     UNMARKED,
-    Kind,
-    Shape,
+    BendShape,
+    MarkingKind,
     random_section,
     random_segments,
     snow_on,
@@ -115,7 +115,7 @@ def _random_place(
     """
     if town.random() < scenery.streets:
         kind = STREETS[int(town.integers(len(STREETS)))]
-        shape = Shape.BEND if town.random() < 0.5 else Shape.STRAIGHT
+        shape = BendShape.BEND if town.random() < 0.5 else BendShape.STRAIGHT
         segments = random_segments(shape, town)
         street = random_street(kind, town, from_m=STREET_FROM_M, segments=segments)
         shown_m = (STREET_FROM_M, STREET_FROM_M + STREET_M)
@@ -155,7 +155,7 @@ def _sample(
         station_m=station_m,
         lead=None if vehicles else _random_lead(road, station_m, rng),
         vehicles=vehicles,
-        motion=Motion(float(rng.uniform(0, 12)), float(rng.normal(0, 0.2))),
+        motion=ShutterMotion(float(rng.uniform(0, 12)), float(rng.normal(0, 0.2))),
         light=light,
     )
     lane = lane_at(road, station_m, offset_m, heading_error, ahead_m=ahead_m)
@@ -197,7 +197,7 @@ def random_road(rng: np.random.Generator) -> Road:
 
 def drawn_road(rng: np.random.Generator) -> Road:
     """An open road of random curves and of one of the kinds of `sim_harness.world.roads.drawn`; some snowed up."""
-    kind = tuple(Kind)[int(rng.integers(len(Kind)))]
+    kind = tuple(MarkingKind)[int(rng.integers(len(MarkingKind)))]
     section = random_section(kind, rng)
     if rng.random() < SNOWED_UP_SHARE:
         section = section.model_copy(update=snow_on(float(rng.uniform(*SNOW_COVER))))
@@ -235,7 +235,7 @@ def highway(rng: np.random.Generator) -> Road:
             closed=False,
             lane_width_m=float(rng.uniform(3.2, 3.9)),
             sun_azimuth_rad=float(rng.uniform(-math.pi, math.pi)),
-            segments=random_segments(Shape.STRAIGHT, rng),
+            segments=random_segments(BendShape.STRAIGHT, rng),
             sections=(
                 Section(
                     name="highway",

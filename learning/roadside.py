@@ -7,7 +7,7 @@ import numpy as np
 
 from sim_harness.world.render.ground.strip_grid import edges_m
 from sim_harness.world.render.scene.painter import Colour, Pose
-from sim_harness.world.render.scene.things import Shape, Thing
+from sim_harness.world.render.scene.things import Thing, ThingShape
 from sim_harness.world.roads.road import Road
 from trepid.config import Settings
 from trepid.types import Share
@@ -28,7 +28,7 @@ class Scenery(Settings):
 OPEN_COUNTRY = Scenery(streets=0.0, things=0.0)
 
 
-class Side(StrEnum):
+class Roadside(StrEnum):
     """What stands along one side of a road."""
 
     NOTHING = "nothing"
@@ -47,71 +47,77 @@ def things_beside(road: Road, rng: np.random.Generator) -> list[tuple[Pose, Thin
     """One kind of thing along each side of ``road``, at times posts before it; world poses."""
     found = []
     for sign in (-1, 1):
-        kind = tuple(Side)[int(rng.choice(len(Side), p=SHARES))]
+        kind = tuple(Roadside)[int(rng.choice(len(Roadside), p=SHARES))]
         found += _row(road, kind, sign, CLEAR_M + float(rng.exponential(2.0)), rng)
         if rng.random() < 0.3:
-            found += _row(road, Side.POSTS, sign, CLEAR_M, rng)
+            found += _row(road, Roadside.POSTS, sign, CLEAR_M, rng)
     return found
 
 
 def _row(
-    road: Road, kind: Side, sign: int, clear_m: float, rng: np.random.Generator
+    road: Road, kind: Roadside, sign: int, clear_m: float, rng: np.random.Generator
 ) -> list[tuple[Pose, Thing]]:
     """Things ``clear_m`` beside the right (sign −1) or left edge of the carriageway."""
     found = []
     like, at_m = _like(kind, rng), 0.0
-    while kind is not Side.NOTHING and at_m < road.length_m:
-        length_m = float(rng.uniform(8.0, 22.0)) if kind is Side.HOUSES else like.length_m
-        thing = _another(like, length_m, rng) if kind in (Side.HOUSES, Side.TREES) else like
+    while kind is not Roadside.NOTHING and at_m < road.length_m:
+        length_m = float(rng.uniform(8.0, 22.0)) if kind is Roadside.HOUSES else like.length_m
+        thing = _another(like, length_m, rng) if kind in (Roadside.HOUSES, Roadside.TREES) else like
         middle_m = at_m + length_m / 2
         bulge_m = length_m**2 * abs(road.curvature_at(middle_m)) / 8  # of the road towards a straight front
-        if bulge_m < clear_m and (kind not in (Side.HOUSES, Side.TREES) or rng.random() < 0.8):
+        if bulge_m < clear_m and (kind not in (Roadside.HOUSES, Roadside.TREES) or rng.random() < 0.8):
             found.append((_beside(road, middle_m, sign, clear_m + thing.width_m / 2), thing))
         at_m += length_m + _pause_m(kind, rng)
     return found
 
 
-def _like(kind: Side, rng: np.random.Generator) -> Thing:
+def _like(kind: Roadside, rng: np.random.Generator) -> Thing:
     """The first of a row of things."""
     green = _colour(rng, (50, 95, 80), 0.35)
     match kind:
-        case Side.HOUSES:
+        case Roadside.HOUSES:
             return Thing(
-                Shape.HOUSE, 12.0, 8.0, float(rng.uniform(4, 14)), _colour(rng, (120, 140, 165), 0.5)
+                ThingShape.HOUSE, 12.0, 8.0, float(rng.uniform(4, 14)), _colour(rng, (120, 140, 165), 0.5)
             )
-        case Side.TREES:
-            return Thing(Shape.TREE, 0.4, float(rng.uniform(2, 7)), float(rng.uniform(3, 12)), green)
-        case Side.HEDGE:
+        case Roadside.TREES:
+            return Thing(ThingShape.TREE, 0.4, float(rng.uniform(2, 7)), float(rng.uniform(3, 12)), green)
+        case Roadside.HEDGE:
             return Thing(
-                Shape.BLOCK, PIECE_M, float(rng.uniform(0.5, 2)), float(rng.uniform(0.5, 2.5)), green
+                ThingShape.BLOCK, PIECE_M, float(rng.uniform(0.5, 2)), float(rng.uniform(0.5, 2.5)), green
             )
-        case Side.RAIL:
+        case Roadside.RAIL:
             high_m = float(rng.uniform(0.6, 0.8))
-            return Thing(Shape.BLOCK, PIECE_M, 0.1, high_m, _colour(rng, (165, 165, 165), 0.2), high_m - 0.3)
-        case Side.POSTS:
+            return Thing(
+                ThingShape.BLOCK, PIECE_M, 0.1, high_m, _colour(rng, (165, 165, 165), 0.2), high_m - 0.3
+            )
+        case Roadside.POSTS:
             width_m, high_m = ((0.12, 1.0), (0.15, 6.0), (0.6, 2.2))[int(rng.integers(3))]
             above_m = 1.5 if width_m > 0.5 else 0.0  # the plate of a sign
-            return Thing(Shape.BLOCK, 0.12, width_m, high_m, _colour(rng, (150, 150, 150), 0.6), above_m)
+            return Thing(ThingShape.BLOCK, 0.12, width_m, high_m, _colour(rng, (150, 150, 150), 0.6), above_m)
         case _:
             return Thing(
-                Shape.BLOCK, PIECE_M, 0.3, float(rng.uniform(0.6, 2.2)), _colour(rng, (130, 140, 150), 0.5)
+                ThingShape.BLOCK,
+                PIECE_M,
+                0.3,
+                float(rng.uniform(0.6, 2.2)),
+                _colour(rng, (130, 140, 150), 0.5),
             )
 
 
 def _another(thing: Thing, length_m: float, rng: np.random.Generator) -> Thing:
     """A house or tree of the same row, of another size and colour."""
     size = float(rng.uniform(0.7, 1.3))
-    width_m = thing.width_m if thing.shape is Shape.HOUSE else thing.width_m * size
+    width_m = thing.width_m if thing.shape is ThingShape.HOUSE else thing.width_m * size
     return Thing(thing.shape, length_m, width_m, thing.height_m * size, _colour(rng, thing.bgr, 0.2))
 
 
-def _pause_m(kind: Side, rng: np.random.Generator) -> float:
+def _pause_m(kind: Roadside, rng: np.random.Generator) -> float:
     match kind:
-        case Side.HOUSES:
+        case Roadside.HOUSES:
             return float(rng.exponential(2.0))
-        case Side.TREES:
+        case Roadside.TREES:
             return float(rng.uniform(3.0, 15.0))
-        case Side.POSTS:
+        case Roadside.POSTS:
             return float(rng.uniform(8.0, 30.0))
         case _:
             return 0.0  # pieces of one wall, hedge or rail

@@ -19,7 +19,7 @@ from trepid.scale import ReferenceWorld, scaled_settings
 from trepid.spelling import did_you_mean_or_list
 
 if TYPE_CHECKING:
-    from perception.camera.odometry import Odometry
+    from perception.camera.odometry import StateOdometry
     from perception.lane.settings import LaneCvSettings
     from perception.lane.which_lane import WhichLane
 
@@ -106,17 +106,17 @@ def _in_reference_world(camera: Camera, vehicle: Vehicle) -> tuple[Camera, Vehic
     return scaled_settings(camera, 1 / vehicle.scale), vehicle.in_reference_world
 
 
-def lane_finder(camera: Camera, vehicle: Vehicle, odometry: "Odometry | None" = None) -> "WhichLane":
+def lane_finder(camera: Camera, vehicle: Vehicle, odometry: "StateOdometry | None" = None) -> "WhichLane":
     """The lane finder of a self-calibrated ``camera``, for :meth:`Entry.build`; without odometry by default."""
-    from perception.camera.odometry import Odometry
+    from perception.camera.odometry import StateOdometry
     from perception.lane.which_lane import WhichLane
 
-    odometry = odometry or Odometry.NONE
+    odometry = odometry or StateOdometry.NONE
     return WhichLane(lane_cv_settings(), *_in_reference_world(camera, vehicle), odometry)
 
 
 def build_beside(
-    names: Iterable[str], camera: Camera, vehicle: Vehicle, *, assumed: bool, odometry: "Odometry"
+    names: Iterable[str], camera: Camera, vehicle: Vehicle, *, assumed: bool, odometry: "StateOdometry"
 ) -> dict[str, Estimator]:
     """Estimators of the same frames, by name or by file of a driving network.
 
@@ -291,12 +291,12 @@ def _check_free(name: str, file: str) -> None:
 
 def network_entry(name: str, file: Path) -> Entry:
     """The driving network in ``file`` as the estimator called ``name``. Raises InputError."""
-    from perception.net.driver import Driver, DriverNetwork
+    from perception.net.driver import DriverNetwork, DrivingEstimator
 
     network = DriverNetwork(file)
     return Entry(
         f"driving network {network.record.model}",
-        lambda _, vehicle: Driver(name, network, vehicle),
+        lambda _, vehicle: DrivingEstimator(name, network, vehicle),
         source=str(file),
         kind=EstimateKind.ANGLE,
     )

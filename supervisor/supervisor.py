@@ -15,7 +15,7 @@ from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explai
 from supervisor.modes.doubts import Doubts, is_guess, moment
 from supervisor.modes.modes import Effect, ModeSettings, ModeState, brake_of, next_state
 from supervisor.modes.speed import SpeedFactor
-from supervisor.modes.waits import Bounds, Halt, View, obstacle, waits_for
+from supervisor.modes.waits import Bounds, Halt, StartSituation, obstacle, waits_for
 from supervisor.path.follow import FollowSettings
 from supervisor.path.fusion import FusionSettings, Path
 from supervisor.path.giving_way import CLEAR, GivingWaySettings
@@ -207,7 +207,7 @@ class Supervisor:
         possible = {n: m.t_s for n, m in senders.items() if m and math.isfinite(ages_s[n])}
         late = self._lateness.step(possible, now_s=now_s, came_s={LEAD: lead_sent_s})
         modes, begins = self._settings.modes, self._mode.mode is Mode.STOP
-        view = View(world, rules, self._bounds, self._mode, rated.fear, cause, losses)
+        view = StartSituation(world, rules, self._bounds, self._mode, rated.fear, cause, losses)
         now = moment(
             world,
             rules,

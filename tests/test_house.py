@@ -33,6 +33,7 @@ ALLOWED = {
 COMPARISON = "cockpit.compare"  # of traces: may import sim_harness too
 MAX_FILES = 20
 MAX_CLASS_LINES = 220
+SETTINGS_OF_FILES = {"SightSettings"}  # of three files of config/; the name is the title in their schemas
 
 
 @cache
@@ -157,3 +158,15 @@ def test_only_the_bus_imports_zenoh() -> None:
         )
     }
     assert users == {"trepid.bus"}
+
+
+def test_a_class_name_means_at_most_two_things() -> None:
+    places: dict[str, list[str]] = {}
+    for module, path in modules().items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(module)
+    often = {
+        name: where for name, where in places.items() if len(where) > 2 and name not in SETTINGS_OF_FILES
+    }
+    assert often == {}

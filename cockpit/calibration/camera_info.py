@@ -70,7 +70,7 @@ class Message(_Part):
     roi: Region = Region()
 
 
-class Calibration(_Part):
+class CameraInfo(_Part):
     """A file of camera_calibration_parsers."""
 
     image_height: PositiveInt
@@ -102,7 +102,7 @@ def import_camera(path: Path, mounting: Camera) -> Imported:
     """The camera of the camera_info at ``path``, mounted as ``mounting``. Raises InputError with its place."""
     data = read_first(path)
     message = (
-        parse(data, Calibration, source=path).message()
+        parse(data, CameraInfo, source=path).message()
         if "camera_matrix" in data or "image_width" in data
         else parse(data, Message, source=path)
     )

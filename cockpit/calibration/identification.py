@@ -98,7 +98,7 @@ def interval(value: float, variance: float, unit: str) -> Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class EvenLog:
     """A log on an even grid, low-pass filtered at ``BAND_HZ``."""
 
     t_s: Array
@@ -147,7 +147,7 @@ def identify_understeer(
     return Identified({} if refused and not anyway else parameters, excitation, refused)
 
 
-def evened(log: DriveLog) -> Drive:
+def evened(log: DriveLog) -> EvenLog:
     """The log on an even grid of ``PERIOD_S`` or its own period, low-passed without delay."""
     step_s = float(np.median(np.diff(log.t_s)))
     fine_s = np.arange(log.t_s[0], log.t_s[-1], step_s)
@@ -162,7 +162,7 @@ def evened(log: DriveLog) -> Drive:
     speed_mps, angle_rad, yaw_rate_radps = (column[::every] for column in columns)
     used = (speed_mps >= SLOWEST_MPS) & ~near_gap(t_s, log.t_s)
     used &= np.abs(speed_mps * yaw_rate_radps) <= LARGEST_MPS2
-    return Drive(t_s, speed_mps, angle_rad, yaw_rate_radps, used, noise_rad)
+    return EvenLog(t_s, speed_mps, angle_rad, yaw_rate_radps, used, noise_rad)
 
 
 def near_gap(t_s: Array, stamps_s: Array) -> Mask:
@@ -186,7 +186,7 @@ def jitter(values: Array) -> float:
     return max(noise, rounding)
 
 
-def excited(drive: Drive) -> dict[str, float]:
+def excited(drive: EvenLog) -> dict[str, float]:
     """Usable seconds, speeds and lateral accelerations of the log."""
     used = drive.used
     period_s = float(drive.t_s[1] - drive.t_s[0]) if len(drive.t_s) > 1 else 0.0
@@ -243,7 +243,9 @@ def unsure(parameters: dict[str, Parameter], excitation: dict[str, float]) -> st
 class Fit:
     """The problem of least squares over θ = (K, b, r₀, D, skew[, i])."""
 
-    def __init__(self, drive: Drive, vehicle: Vehicle, *, at_steering_wheel: bool, known_ratio: bool) -> None:
+    def __init__(
+        self, drive: EvenLog, vehicle: Vehicle, *, at_steering_wheel: bool, known_ratio: bool
+    ) -> None:
         self.drive = drive
         self.wheelbase_m = vehicle.wheelbase_m
         self.free_ratio = at_steering_wheel and not known_ratio

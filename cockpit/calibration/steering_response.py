@@ -39,7 +39,7 @@ def identify_response(log: DriveLog, vehicle: Vehicle) -> Identified:
     """Dead time and time constant. Refuses, with a reason, where the log has no commands that move the wheels."""
     if len(log.command_t_s) < 2:
         return Identified({}, {}, "the log has no commands")
-    fit = Fit(log, vehicle)
+    fit = ResponseFit(log, vehicle)
     used_s = float(fit.used.sum() * fit.period_s)
     if used_s < LEAST_S:
         return Identified({}, {}, f"only {used_s:.0f} s under command; {LEAST_S:g} s are needed")
@@ -65,7 +65,7 @@ def identify_response(log: DriveLog, vehicle: Vehicle) -> Identified:
     return Identified(parameters, excitation, None)
 
 
-class Fit:
+class ResponseFit:
     """The problem of least squares over (T, τ)."""
 
     def __init__(self, log: DriveLog, vehicle: Vehicle) -> None:

@@ -43,14 +43,14 @@ def camera() -> Finding:
     if process is None:
         return Finding("camera", True, "simulated: no process runs vehicle.cameras.node")
     from vehicle.cameras.ros_topic import RosTopicSettings
-    from vehicle.cameras.source import Drive
+    from vehicle.cameras.source import SourceContext
     from vehicle.cameras.table import build, configured
 
     try:
         name, settings, _ = configured()
         if isinstance(settings, RosTopicSettings) and settings.connect is None:
             return Finding("camera", True, f"{name}: {settings.key} is on the bus of a drive")
-        name, source, common = build(Drive(bus=None, now_s=epoch_clock(epoch_offset_ns())))
+        name, source, common = build(SourceContext(bus=None, now_s=epoch_clock(epoch_offset_ns())))
     except InputError as error:
         return Finding(
             "camera", False, str(error), "correct camera_source.yaml; `v4l2-ctl --list-devices` lists cameras"

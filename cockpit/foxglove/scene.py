@@ -32,7 +32,7 @@ from cockpit.foxglove.shapes import (
     strip,
     transform,
 )
-from cockpit.page.history import Track
+from cockpit.page.history import PathHistory
 from cockpit.page.overlay import PATH_M, SIGHT, ahead_text, corners_px, overlay, size_m
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -64,7 +64,7 @@ class Scene:
         self._lead: LeadVehicle | None = None
         self._people: RoadUsers | None = None
         self._truth: SimTruth | None = None
-        self._track = Track(0.5 * vehicle.scale)
+        self._track = PathHistory(0.5 * vehicle.scale)
         self._driven_s = -math.inf
         self._mounting = camera_transform(camera)
         self._numbers: dict[str, int] = {}  # name of an estimator -> number of its colour

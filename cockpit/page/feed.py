@@ -35,7 +35,7 @@ M = TypeVar("M")
 REMEMBERED = 12  # estimates and decisions, for pictures that come later
 
 
-class Watched(Generic[M]):
+class WatchedTopic(Generic[M]):
     """The newest message of a topic, as long as it is subscribed to."""
 
     def __init__(self, bus: Bus, topic: Topic[M]) -> None:
@@ -78,12 +78,12 @@ class Feed:
 
     def __init__(self, bus: Bus, estimators: Sequence[str], *, jpeg: bool = True) -> None:
         """``jpeg``: the camera publishes compressed pictures too."""
-        self._pictures: Watched[Any] = Watched(bus, CAMERA_COMPRESSED if jpeg else CAMERA_IMAGE)
+        self._pictures: WatchedTopic[Any] = WatchedTopic(bus, CAMERA_COMPRESSED if jpeg else CAMERA_IMAGE)
         self._diagnostics, self._timing = bus.stream(DIAGNOSTICS), bus.stream(TIMING)
-        self._decision = Watched(bus, DECISION)
-        self._estimates = {name: Watched(bus, estimate_topic(name)) for name in estimators}
-        self.state, self.truth = Watched(bus, VEHICLE_STATE), Watched(bus, SIM_TRUTH)
-        self.lead, self.road_users = Watched(bus, LEAD_VEHICLE), Watched(bus, ROAD_USERS)
+        self._decision = WatchedTopic(bus, DECISION)
+        self._estimates = {name: WatchedTopic(bus, estimate_topic(name)) for name in estimators}
+        self.state, self.truth = WatchedTopic(bus, VEHICLE_STATE), WatchedTopic(bus, SIM_TRUTH)
+        self.lead, self.road_users = WatchedTopic(bus, LEAD_VEHICLE), WatchedTopic(bus, ROAD_USERS)
         self._drive = (self._decision, self.state, self.truth)  # what timelines and path need
         self._shown = (
             self._pictures,
@@ -151,7 +151,7 @@ class Feed:
         return self.beats.get(LAUNCHER)
 
 
-def _take(watched: Watched[M], into: deque[M]) -> None:
+def _take(watched: WatchedTopic[M], into: deque[M]) -> None:
     message = watched.take()
     if message is not None:
         into.append(message)

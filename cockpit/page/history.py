@@ -43,7 +43,7 @@ class Timelines:
         return list(self._rows)[len(self._rows) - missing :]
 
 
-class Track:
+class PathHistory:
     """The driven path, as (x [m], y [m], fear): the true one of a simulated car, else by speed and yaw rate.
 
     When it has MAX_POINTS, every second point is dropped and the spacing doubles.

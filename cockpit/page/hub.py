@@ -14,7 +14,7 @@ from typing import Any
 
 from cockpit.page.feed import Feed
 from cockpit.page.stop import REPEAT_S, StopSender
-from cockpit.page.view import View
+from cockpit.page.view import PageView
 from trepid.clock import Clock
 from trepid.messages import CompressedFrame
 
@@ -60,7 +60,7 @@ class Viewer:
 class Hub:
     """Turns the messages of a feed into messages for viewers."""
 
-    def __init__(self, feed: Feed, view: View, stop: StopSender, clock: Clock) -> None:
+    def __init__(self, feed: Feed, view: PageView, stop: StopSender, clock: Clock) -> None:
         self._feed, self._view, self._stop, self._clock = feed, view, stop, clock
         self.viewers: set[Viewer] = set()
         self.wanted = asyncio.Event()

@@ -12,7 +12,7 @@ from cockpit.page.hub import Hub
 from cockpit.page.rules import RuleDesk
 from cockpit.page.server import KeepDesk, PageServer
 from cockpit.page.stop import StopSender
-from cockpit.page.view import View
+from cockpit.page.view import PageView
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, Settings, load
@@ -58,7 +58,7 @@ def run(me: Process) -> None:
     feed = Feed(me.bus, me.options["estimators"], jpeg=me.has_publisher(CAMERA_COMPRESSED))
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     keeping = KeepDesk(ring=me.options.get("ring"), recorded=me.options.get("record"))
-    view = View(
+    view = PageView(
         feed,
         camera,
         vehicle,

@@ -5,7 +5,7 @@ import math
 from typing import Any
 
 from cockpit.page.feed import Feed
-from cockpit.page.history import Timelines, Track
+from cockpit.page.history import PathHistory, Timelines
 from cockpit.page.overlay import overlay
 from cockpit.page.stop import Hold
 from trepid.car.camera import Camera
@@ -23,7 +23,7 @@ SERIES = ("fear", "speed", "cap", "error", "latency")
 from frame to actuator [ms]."""
 
 
-class View:
+class PageView:
     """What a page shows of the messages of a :class:`Feed`."""
 
     def __init__(
@@ -44,7 +44,7 @@ class View:
         self._feed, self._camera, self._vehicle, self._holder = feed, camera, vehicle, holder
         self._of_drive = {"what": what, "drive": drive, "no_keep": no_keep, "holding": STOPPED}
         self.timelines = Timelines((*SERIES, *feed.estimates))
-        self.track = Track(0.5 * vehicle.scale)
+        self.track = PathHistory(0.5 * vehicle.scale)
 
     def sample(self, now_s: float) -> None:
         """Add to the timelines and to the driven path when it is time."""

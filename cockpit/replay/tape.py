@@ -37,7 +37,7 @@ HANDED_OVER_S = 5e-3  # between two nodes of one process a message is used this 
 KEPT_FRAMES = 64  # images in memory; two nodes may step on images of different age at one instant
 
 
-class Track:
+class TopicTape:
     """The messages of one topic in order of publication."""
 
     def __init__(self, recorded: list[tuple[float, Any]], times: Times) -> None:
@@ -72,12 +72,12 @@ class Tape:
         self.is_lockstep = period_s is not None
         self.zero_s = self.recorded.first_s if self.recorded.began_s is None else self.recorded.began_s
         self.times = Times(began_s=self.zero_s, period_s=period_s)
-        self._tracks: dict[str, Track] = {}
+        self._tracks: dict[str, TopicTape] = {}
 
-    def track(self, key: str) -> Track:
+    def track(self, key: str) -> TopicTape:
         """The messages on ``key``."""
         if key not in self._tracks:
-            self._tracks[key] = Track(self.recorded.messages.get(key, []), self.times)
+            self._tracks[key] = TopicTape(self.recorded.messages.get(key, []), self.times)
         return self._tracks[key]
 
     def reports(self, output: str) -> list[Steps]:

@@ -10,7 +10,7 @@ from trepid.messages import Command, VehicleState
 COUNTED = 8  # arrivals over which the rate of commands is measured
 
 
-class Seen(NamedTuple):
+class SeenState(NamedTuple):
     """A plausible vehicle state."""
 
     speed_mps: float  # magnitude; the last one known where it is not measured
@@ -28,7 +28,7 @@ def fresh(t_s: float | None, now_s: float, timeout_s: float, limits: Limits) -> 
 
 def plausible_state(
     state: VehicleState | None, now_s: float, limits: Limits, *, last_mps: float | None = None
-) -> Seen | None:
+) -> SeenState | None:
     """``state`` if it is fresh and plausible, else None; yaw rate and torque may be None.
 
     ``last_mps`` is the last speed of a car that was steered by a measured wheel angle; None: there was none. From
@@ -48,7 +48,7 @@ def plausible_state(
     )
     if not plausible:
         return None
-    return Seen(
+    return SeenState(
         speed_mps=abs(speed_mps) if speed_mps is not None else last_mps or 0.0,
         wheel_rad=wheel_rad,
         driver=state.driver_override,

@@ -38,7 +38,7 @@ from math import isnan, nan, sqrt
 from pathlib import Path
 from typing import NamedTuple
 
-from controller.limiter.inputs import Arrivals, Seen, fresh, is_finite, plausible_state
+from controller.limiter.inputs import Arrivals, SeenState, fresh, is_finite, plausible_state
 from controller.limiter.interval import Interval, clip, inside, narrow
 from controller.limiter.limits import Limits
 from controller.limiter.override import DriverWatch
@@ -145,7 +145,7 @@ class Limiter:
         self._now_s = now_s
         return dt_s
 
-    def _driven_by_hand(self, seen: Seen) -> bool:
+    def _driven_by_hand(self, seen: SeenState) -> bool:
         """Whether the driver has the car; the first measured angle becomes the output."""
         if seen.measures_speed:
             self._state_s, self._seen_mps = self._now_s, seen.speed_mps
@@ -153,7 +153,7 @@ class Limiter:
             self._follow(seen)
         return self._driver.step(seen, self._now_s)
 
-    def _hand_over(self, seen: Seen, frame_s: float | None, dt_s: float) -> Command:
+    def _hand_over(self, seen: SeenState, frame_s: float | None, dt_s: float) -> Command:
         """The measured angle as output; drive and brakes fade."""
         self.stopping = False
         self._ours_s = 0.0
@@ -163,7 +163,7 @@ class Limiter:
         accel_mps2 = clip(0.0, (self._accel_mps2 - reach_mps2, self._accel_mps2 + reach_mps2))
         return self._given(frame_s, seen.speed_mps, accel_mps2, dt_s)
 
-    def _judge(self, seen: Seen | None, *, lost: bool) -> None:
+    def _judge(self, seen: SeenState | None, *, lost: bool) -> None:
         """Begin the stop when commands or states are lost, and end it at standstill."""
         if lost or self._now_s - self._state_s > self._limits.state_timeout_s:
             self.stopping = True
@@ -187,7 +187,7 @@ class Limiter:
         )
         return limits.max_accel_mps2 if driven else -limits.comfort_decel_mps2
 
-    def _steer(self, command: Command | None, seen: Seen, dt_s: float, *, calm: bool) -> float:
+    def _steer(self, command: Command | None, seen: SeenState, dt_s: float, *, calm: bool) -> float:
         """Move the wheel towards the demand within the limits; returns the acceleration demand."""
         last_rad, limit_rad, speed_mps = self._wheel.angle_rad, self._limit_rad, seen.speed_mps
         wanted_rad, rate_radps = self._wanted(command, speed_mps)
@@ -266,7 +266,7 @@ class Limiter:
             self._turn.angle_rad(held_1pm + up_mps2 / floor_mps**2, speed_mps),
         )
 
-    def _follow(self, seen: Seen) -> None:
+    def _follow(self, seen: SeenState) -> None:
         """Set the last output to the measured wheel angle; one that is not measured stays where it was put."""
         wheel_rad = self._wheel.angle_rad if seen.wheel_rad is None else seen.wheel_rad
         self._remember(clip(wheel_rad, (-self._limit_rad, self._limit_rad)), seen.speed_mps)
@@ -289,7 +289,7 @@ class Limiter:
         )
 
 
-def _goal(command: Command, seen: Seen | None, accel_mps2: float) -> float:
+def _goal(command: Command, seen: SeenState | None, accel_mps2: float) -> float:
     """Target speed [m/s] of ``command`` within ``accel_mps2``, what the limits leave of its acceleration."""
     if accel_mps2 >= command.accel_mps2:
         return command.speed_mps

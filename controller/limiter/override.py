@@ -16,7 +16,7 @@ UN R79 5.1 (the driver overrides at once); ISO 11270:2014 (override by the drive
 import math
 from collections import deque
 
-from controller.limiter.inputs import Seen
+from controller.limiter.inputs import SeenState
 from controller.limiter.limits import Limits
 from trepid.car.vehicle import Vehicle
 
@@ -42,7 +42,7 @@ class DriverWatch:
         while self._demands[0][0] < now_s - self._window_s:
             self._demands.popleft()
 
-    def step(self, seen: Seen, now_s: float) -> bool:
+    def step(self, seen: SeenState, now_s: float) -> bool:
         """Whether the driver has the car."""
         pushed = seen.torque_nm is not None and abs(seen.torque_nm) > self._limits.torque_nm
         deviates = self._deviates(seen, now_s)
@@ -51,7 +51,7 @@ class DriverWatch:
             self._until_s = now_s + self._limits.release_s
         return seen.driver or now_s < self._until_s
 
-    def _deviates(self, seen: Seen, now_s: float) -> bool:
+    def _deviates(self, seen: SeenState, now_s: float) -> bool:
         """Whether the wheel has been outside all demands for too long. Tests the newest demands first."""
         if seen.wheel_rad is None:
             self._explained_s = now_s

@@ -21,7 +21,7 @@ so that e has the sign opposite to the motion of the wheel: it narrows the limit
 
 from math import atan, sqrt
 
-from controller.limiter.inputs import Seen
+from controller.limiter.inputs import SeenState
 from controller.limiter.interval import clip
 from controller.limiter.limits import Limits
 from trepid.car.vehicle import Vehicle
@@ -72,7 +72,7 @@ class Excess:
         self._most_mps2 = limits.yaw_share * limits.lateral_accel_mps2
         self._filtered_mps2 = 0.0
 
-    def step(self, seen: Seen, dt_s: float) -> float:
+    def step(self, seen: SeenState, dt_s: float) -> float:
         """Lateral acceleration [m/s²] beyond the steady turn, + = to the left, within its bounds.
 
         Zero while yaw rate, wheel angle or speed is not measured.

@@ -12,7 +12,7 @@ from perception.sight.judge import build as build_judge
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -96,7 +96,7 @@ def _side_by_side(plain: Renderer, disturbed: Renderer, frame: int) -> tuple[flo
     road, t_s = plain.road, frame * FRAME_PERIOD_S
     station_m = 20.0 + SPEED_MPS * t_s
     x_m, y_m = road.position(station_m, 0.0)
-    yaw_rad, motion = road.heading_at(station_m), Motion(SPEED_MPS, 0.1)
+    yaw_rad, motion = road.heading_at(station_m), ShutterMotion(SPEED_MPS, 0.1)
     plain.render(x_m, y_m, yaw_rad, t_s=t_s, station_m=station_m)
     clock_s = [time.process_time()]
     for renderer in (plain, disturbed):

@@ -59,7 +59,7 @@ def bench_security(seed: int, *, messages: int = 10_000) -> dict[str, Any]:
     return {"attacks": rows, "comparison": {"no keys at all": control}, **total}
 
 
-class Drive(NamedTuple):
+class AttackedDrive(NamedTuple):
     """The processes of a drive that take part in the attacks, all in this process."""
 
     endpoint: str
@@ -80,7 +80,7 @@ def secured(keys: Path | None) -> Security:
 
 
 @contextmanager
-def secured_drive(folder: Path) -> Iterator[Drive]:
+def secured_drive(folder: Path) -> Iterator[AttackedDrive]:
     """A drive with keys of its own in ``folder``."""
     from vehicle.keys.certificates import create
 
@@ -91,7 +91,7 @@ def secured_drive(folder: Path) -> Iterator[Drive]:
 
 
 @contextmanager
-def open_drive(keys: Path | None = None) -> Iterator[Drive]:
+def open_drive(keys: Path | None = None) -> Iterator[AttackedDrive]:
     """Sessions of launcher, camera, supervisor, controller and vehicle; the last three consume."""
     security, endpoint = secured(keys), free_endpoint()
     if keys is not None:
@@ -126,7 +126,7 @@ def open_drive(keys: Path | None = None) -> Iterator[Drive]:
             topic.key: _sender(buses[topic.key.split("/")[0]], topic)
             for topic in (COMMAND, DECISION, CAMERA_IMAGE, VEHICLE_STATE)
         }
-        drive = Drive(endpoint, keys, buses, consumers, genuine)
+        drive = AttackedDrive(endpoint, keys, buses, consumers, genuine)
         for key in consumers:
             if not arrives(drive, key):
                 raise RuntimeError(f"no genuine message arrives on {key}")
@@ -160,7 +160,7 @@ def _decision() -> Decision:
     return build().step({}, None, None, None, now_s=0.0)
 
 
-def arrives(drive: Drive, key: str) -> bool:
+def arrives(drive: AttackedDrive, key: str) -> bool:
     """Whether a genuine message arrives at its consumer within PATIENCE_S."""
     until_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < until_s:
@@ -181,7 +181,7 @@ class Attack(NamedTuple):
     keys: tuple[str, ...]
     forge: Callable[[str], tuple[bytes, bytes | None]]
 
-    def run(self, drive: Drive, count: int) -> dict[str, Any]:
+    def run(self, drive: AttackedDrive, count: int) -> dict[str, Any]:
         """Send ``count`` messages; how many consumers acted upon, and whether genuine ones arrive afterwards."""
         acted, before = 0, {key: drive.consumers[key].malformed for key in self.keys}
         try:
@@ -199,7 +199,7 @@ class Attack(NamedTuple):
             "genuine_arrive_after": all(arrives(drive, key) for key in self.keys),
         }
 
-    def _send(self, graph: Graph, drive: Drive, count: int) -> int:
+    def _send(self, graph: Graph, drive: AttackedDrive, count: int) -> int:
         senders = {key: graph.publisher(f"trepid/{CAR}/{key}") for key in self.keys}
         time.sleep(1.0)  # for connections by gossip
         acted = 0
@@ -225,7 +225,7 @@ SENDER = {
 TOPICS = {topic.key: topic for topic in (COMMAND, DECISION, CAMERA_IMAGE, VEHICLE_STATE)}
 
 
-def forged(drive: Drive, name: str, settings: Mapping[str, Any]) -> Attack:
+def forged(drive: AttackedDrive, name: str, settings: Mapping[str, Any]) -> Attack:
     """Plausible messages on all topics from a session that has no right to any."""
     stamp = stamper(time.time)
     return Attack(
@@ -236,7 +236,7 @@ def forged(drive: Drive, name: str, settings: Mapping[str, Any]) -> Attack:
     )
 
 
-def foreign(drive: Drive) -> Iterator[Attack]:
+def foreign(drive: AttackedDrive) -> Iterator[Attack]:
     """Attackers without a certificate of the car."""
     assert drive.keys is not None
     stranger = drive.settings("controller", drive.keys.parent / "foreign")
@@ -251,13 +251,13 @@ def foreign(drive: Drive) -> Iterator[Attack]:
     yield forged(drive, "TCP without TLS", {"connect/endpoints": [plain]})
 
 
-def wrong_roles(drive: Drive) -> Iterator[Attack]:
+def wrong_roles(drive: AttackedDrive) -> Iterator[Attack]:
     """A process of the car, taken over, that publishes what others may."""
     for role in ("cv", OBSERVER, LAUNCHER):
         yield forged(drive, f"wrong topics for the role {role}", drive.settings(role))
 
 
-def broken(drive: Drive, rng: np.random.Generator) -> Iterator[Attack]:
+def broken(drive: AttackedDrive, rng: np.random.Generator) -> Iterator[Attack]:
     """Bytes of the right role that are not valid messages, or old messages."""
     controller, stamp = drive.settings("controller"), stamper(time.time)
     whole = to_cdr(message_of(COMMAND))
@@ -278,7 +278,7 @@ def broken(drive: Drive, rng: np.random.Generator) -> Iterator[Attack]:
     yield Attack("replayed command", controller, (COMMAND.key,), lambda _: (whole, _replayed(drive)))
 
 
-def _replayed(drive: Drive) -> bytes:
+def _replayed(drive: AttackedDrive) -> bytes:
     """The attachment of the newest command that the vehicle took, as a listener on the network receives it."""
     taken: Stamp = drive.consumers[COMMAND.key].stamp
     attachment = bytearray(stamper(time.time)())

@@ -11,7 +11,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-from perception.net.driver import Driver, DriverNetwork
+from perception.net.driver import DriverNetwork, DrivingEstimator
 from sim_harness.lockstep.closed_loop import Instant, Result, Witness, build_parts, run
 from sim_harness.lockstep.oracle import Oracle
 from sim_harness.lockstep.recording import recording
@@ -30,7 +30,7 @@ SLACK, START_S = 1.1, 10.0  # of the time for a route, and to get going
 class Alone:
     """The angles of a driving network, also for images unlike those of its training."""
 
-    def __init__(self, name: str, driver: Driver) -> None:
+    def __init__(self, name: str, driver: DrivingEstimator) -> None:
         self._name, self._driver = name, driver
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
@@ -92,7 +92,7 @@ def drive_alone(scenario: Scenario, *, seed: int, record: Path | None = None) ->
     parts = replace(
         parts,
         supervisor=driver,  # type: ignore[arg-type]
-        estimators={name: Alone(name, Driver(name, DriverNetwork(Path(file)), vehicle))},
+        estimators={name: Alone(name, DrivingEstimator(name, DriverNetwork(Path(file)), vehicle))},
         lead=None,
     )
     with recording(record, scenario) if record else nullcontext() as witness:

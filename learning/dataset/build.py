@@ -26,10 +26,18 @@ from learning.dataset.dataset import (
     sha256_of,
     write,
 )
-from learning.dataset.likeness import SMALL, Look, changes, hash_of, shift_between, small_grey, upper_half
-from learning.dataset.pictures import Pictures
+from learning.dataset.likeness import (
+    SMALL,
+    ImageMeasurements,
+    changes,
+    hash_of,
+    shift_between,
+    small_grey,
+    upper_half,
+)
+from learning.dataset.pictures import PictureReader
 from learning.dataset.sources.comma import is_comma, read_comma
-from learning.dataset.sources.log import Faults, Log, Steering, licence_beside, sha256_of_files
+from learning.dataset.sources.log import Faults, Log, SteeringUnit, licence_beside, sha256_of_files
 from learning.dataset.sources.recording import SUFFIX, read_drive
 from learning.dataset.sources.table import TableOptions, read_table
 from learning.dataset.sources.tub import ANGLE, is_tub, read_tub
@@ -167,8 +175,8 @@ def _check_options(logs: list[Log], options: BuildOptions) -> None:
         ("--fps", table.fps, "table" in kinds, no_table),
         ("--video", table.video, "table" in kinds, no_table),
         ("--test-route", options.split.test_routes, options.split.by == "route", "needs --split route"),
-        ("--lock-deg", wheel.lock_deg, Steering.LOCK in units, "the logs hold angles"),
-        ("--steering-ratio", wheel.ratio, Steering.WHEEL in units, no_wheel),
+        ("--lock-deg", wheel.lock_deg, SteeringUnit.LOCK in units, "the logs hold angles"),
+        ("--steering-ratio", wheel.ratio, SteeringUnit.WHEEL in units, no_wheel),
     )
     for name, value, used, why in uses:
         if value and not used:
@@ -179,7 +187,7 @@ def _check_steering(log: Log, faults: Faults) -> None:
     """Name the rows without steering, and those beyond full lock."""
     for number in np.flatnonzero([not reason for reason in log.why]).tolist():
         value = log.steering[number]
-        beyond = log.unit == Steering.LOCK and abs(value) > BEYOND_LOCK
+        beyond = log.unit == SteeringUnit.LOCK and abs(value) > BEYOND_LOCK
         if math.isfinite(value) and not beyond:
             continue
         what = f"steering of {value:g} is beyond full lock" if beyond else "no steering"
@@ -199,7 +207,7 @@ def _numbered(route: NDArray[np.str_]) -> NDArray[np.int64]:
 
 def _measured(
     logs: list[Log], stretch: NDArray[np.int32], faults: Faults, progress: Progress
-) -> tuple[NDArray[np.str_], Look]:
+) -> tuple[NDArray[np.str_], ImageMeasurements]:
     """Read every image once: the reasons to leave out rows, and the look of all rows."""
     total = len(stretch)
     small = np.zeros((total, SMALL[1], SMALL[0]), np.uint8)
@@ -223,13 +231,13 @@ def _measured(
             before = upper
         _leave_out_other_sizes(log, sizes, reasons, faults)
         why += reasons
-    look = Look(light, hashes, small, changes(small, stretch, np.isfinite(light)), shift)
+    look = ImageMeasurements(light, hashes, small, changes(small, stretch, np.isfinite(light)), shift)
     return np.array(why), look
 
 
 def _images(log: Log, faults: Faults) -> Iterator[Image | None]:
     """The images of a log in order; None where one cannot be read, which ``faults`` gets."""
-    with closing(Pictures(log.root, log.topic)) as pictures:
+    with closing(PictureReader(log.root, log.topic)) as pictures:
         for name, item in zip(log.image, log.item.tolist(), strict=True):
             try:
                 yield pictures.read(name, item)

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from learning.dataset.pictures import Pictures
+from learning.dataset.pictures import PictureReader
 from trepid.config import InputError, Settings, load
 from trepid.types import Image, NonNegative, Positive, Share
 
@@ -121,7 +121,7 @@ class Dataset:
     def __init__(self, folder: Path, file: DatasetFile, index: Rows) -> None:
         self.folder, self.file, self._index = folder, file, index
         self.wheel, self.sha256 = file.wheel, file.data_sha256
-        self._pictures: dict[int, Pictures] = {}
+        self._pictures: dict[int, PictureReader] = {}
 
     @classmethod
     def open(cls, folder: Path) -> Self:
@@ -166,7 +166,7 @@ class Dataset:
         for row in rows:
             yield self.image(row)
 
-    def _pictures_of(self, source: int) -> Pictures:
+    def _pictures_of(self, source: int) -> PictureReader:
         if source not in self._pictures:
             described = self.file.sources[source]
             root = self.folder / described.root
@@ -174,7 +174,7 @@ class Dataset:
                 raise InputError(
                     f"{root}: the images of {self.folder} are not there any more: build it again"
                 )
-            self._pictures[source] = Pictures(root, described.topic)
+            self._pictures[source] = PictureReader(root, described.topic)
         return self._pictures[source]
 
 

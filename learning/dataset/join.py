@@ -17,7 +17,7 @@ from learning.dataset.dataset import (
     sha256_of,
     write,
 )
-from learning.dataset.likeness import SMALL, Look, small_grey
+from learning.dataset.likeness import SMALL, ImageMeasurements, small_grey
 from learning.dataset.split import clear_duplicates, clear_gaps
 
 PART_S = 10.0  # of a drive of an added data set
@@ -65,14 +65,14 @@ def _divided(rows: Rows, gap_s: float) -> Rows:
     return as_rows(columns | {"split": split, "why": why})
 
 
-def _look(dataset: Dataset) -> Look:
+def _look(dataset: Dataset) -> ImageMeasurements:
     """The likeness of the rows of all splits; their images are read again."""
     rows = dataset.rows()
     small = np.zeros((len(rows), SMALL[1], SMALL[0]), np.uint8)
     (used,) = np.nonzero(rows["split"] != NONE)
     for number, image in zip(used, dataset.images(rows[used]), strict=True):
         small[number] = small_grey(image)
-    return Look(rows["light"], rows["hash"], small, rows["change"], rows["shift"])
+    return ImageMeasurements(rows["light"], rows["hash"], small, rows["change"], rows["shift"])
 
 
 def _sources(dataset: Dataset) -> Iterator[Source]:

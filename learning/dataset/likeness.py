@@ -28,7 +28,7 @@ _BLOCK = 512  # rows that are compared at once
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class ImageMeasurements:
     """Measurements of n images."""
 
     light: Floats  # mean grey, 0 to 1; NaN: cannot be read
@@ -72,7 +72,7 @@ def changes(small: Image, stretch: NDArray[np.int32], known: Mask) -> Floats:
     return change
 
 
-def near_duplicates(look: Look, rows: NDArray[np.intp], others: NDArray[np.intp]) -> Mask:
+def near_duplicates(look: ImageMeasurements, rows: NDArray[np.intp], others: NDArray[np.intp]) -> Mask:
     """Which of ``rows`` look like one of ``others``."""
     alike = np.zeros(len(rows), bool)
     for start in range(0, len(rows), _BLOCK):

@@ -8,13 +8,13 @@ from trepid.images.files import VIDEO_SUFFIXES, read_image
 from trepid.images.video import video_frames
 from trepid.types import Image
 from vehicle.cameras.mcap_file import mcap_shots
-from vehicle.cameras.playback import Shot
+from vehicle.cameras.playback import UndecodedFrame
 
 RECORDING_SUFFIX = ".mcap"
 FILM_SUFFIXES = VIDEO_SUFFIXES | {".hevc", ".h264", ".h265"}  # videos, and bare streams without an index
 
 
-class Pictures:
+class PictureReader:
     """Reads the images below one folder; of a video or recording from the place of the last one on."""
 
     def __init__(self, root: Path, topic: str | None = None) -> None:
@@ -22,7 +22,7 @@ class Pictures:
         self._root, self._topic = root, topic
         self._container: str | None = None
         self._next = 0  # number of the next frame of the container
-        self._frames: Generator[Shot, None, None] | None = None
+        self._frames: Generator[UndecodedFrame, None, None] | None = None
 
     def read(self, image: str, item: int) -> Image:
         """The image file ``image`` (``item`` -1), or frame ``item`` of this container. Raises InputError."""
@@ -44,7 +44,7 @@ class Pictures:
             self._frames.close()
         self._frames = None
 
-    def _begun(self, path: Path) -> Generator[Shot, None, None]:
+    def _begun(self, path: Path) -> Generator[UndecodedFrame, None, None]:
         if not path.is_file():
             raise InputError(f"{path}: no such file")
         suffix = path.suffix.lower()
@@ -55,12 +55,12 @@ class Pictures:
         raise InputError(f"{path}: unknown kind of file with several frames")
 
 
-def _recorded(path: Path, topic: str) -> Generator[Shot, None, None]:
+def _recorded(path: Path, topic: str) -> Generator[UndecodedFrame, None, None]:
     from trepid.recording.foreign import types_of
 
     yield from mcap_shots(path, topic, types_of(path)[topic])
 
 
-def _filmed(path: Path) -> Generator[Shot, None, None]:
+def _filmed(path: Path) -> Generator[UndecodedFrame, None, None]:
     for frame in video_frames(path):
-        yield Shot(frame.t_s, frame.decode)
+        yield UndecodedFrame(frame.t_s, frame.decode)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learning.dataset.dataset import NONE, SPLITS, Split
-from learning.dataset.likeness import STILL, Look, near_duplicates
+from learning.dataset.likeness import STILL, ImageMeasurements, near_duplicates
 from trepid.config import InputError
 from trepid.types import Column, Mask
 
@@ -34,7 +34,7 @@ def stretches(t_s: Column, route: NDArray[np.str_]) -> NDArray[np.int32]:
 
 
 def divided(
-    split: Split, t_s: Column, route: NDArray[np.str_], why: NDArray[np.str_], look: Look
+    split: Split, t_s: Column, route: NDArray[np.str_], why: NDArray[np.str_], look: ImageMeasurements
 ) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
     """The columns ``split`` and ``why``; rows with a reason already are ``none``. Raises InputError."""
     if abs(sum(split.shares.values()) - 1.0) > 1e-6 or set(split.shares) != set(SPLITS):
@@ -54,7 +54,7 @@ def divided(
     return names, reasons
 
 
-def _cut(rows: NDArray[np.intp], usable: Mask, shares: dict, look: Look) -> NDArray[np.str_]:
+def _cut(rows: NDArray[np.intp], usable: Mask, shares: dict, look: ImageMeasurements) -> NDArray[np.str_]:
     """The split of the rows of one route, in order, by shares of its usable rows."""
     done = np.cumsum(usable[rows]) / max(1, usable[rows].sum())
     names = np.full(len(rows), SPLITS[0], dtype="<U10")
@@ -69,7 +69,9 @@ def _cut(rows: NDArray[np.intp], usable: Mask, shares: dict, look: Look) -> NDAr
     return names
 
 
-def _by_route(split: Split, route: NDArray[np.str_], usable: Mask, look: Look) -> NDArray[np.str_]:
+def _by_route(
+    split: Split, route: NDArray[np.str_], usable: Mask, look: ImageMeasurements
+) -> NDArray[np.str_]:
     """Whole routes for the test (named, or drawn until the share is reached), then for the validation.
 
     With a single route left beside the test, the validation is cut off its end.
@@ -136,7 +138,7 @@ def _nearest_s(t_s: Column, others_s: Column) -> Column:
     return np.minimum(bounded[after] - t_s, t_s - bounded[after - 1])
 
 
-def clear_duplicates(names: NDArray[np.str_], reasons: NDArray[np.str_], look: Look) -> None:
+def clear_duplicates(names: NDArray[np.str_], reasons: NDArray[np.str_], look: ImageMeasurements) -> None:
     """Leave out rows that look like a row of a later split."""
     for number, name in enumerate(SPLITS[:-1]):
         rows = np.flatnonzero((names == name) & (reasons == ""))

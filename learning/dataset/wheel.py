@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 
 from controller.model.bicycle import curvature_from_angle
 from learning.dataset.dataset import Wheel
-from learning.dataset.sources.log import Log, Steering
+from learning.dataset.sources.log import Log, SteeringUnit
 from trepid.car.vehicle import GRADIENT, Side, Vehicle, road_wheel_angle
 from trepid.config import CONFIG_DIR, InputError, car_folder, load
 from trepid.types import Column
@@ -48,7 +48,9 @@ def wheel_of(logs: list[Log], options: WheelOptions) -> Wheel:
     vehicle = known_vehicle(logs)
     left = options.left_positive
     if left is None and vehicle is not None and vehicle.logged_positive is not None:
-        left = vehicle.logged_positive == Side.LEFT if log.unit != Steering.KINEMATIC else log.left_positive
+        left = (
+            vehicle.logged_positive == Side.LEFT if log.unit != SteeringUnit.KINEMATIC else log.left_positive
+        )
     if len(units) > 1 or (len(signs) > 1 and left is None):
         raise InputError("the sources hold steering in different units or signs: build a data set of each")
     if left is None:
@@ -56,7 +58,7 @@ def wheel_of(logs: list[Log], options: WheelOptions) -> Wheel:
     wheel = Wheel(
         lock_rad=None, how="angles in the log", sign=1 if left else -1, wheelbase_m=options.wheelbase_m
     )
-    if log.unit == Steering.KINEMATIC:
+    if log.unit == SteeringUnit.KINEMATIC:
         return wheel
     if vehicle is not None:
         moving = any(np.isfinite(log.speed_mps).any() for log in logs)  # understeer needs the speed
@@ -65,7 +67,7 @@ def wheel_of(logs: list[Log], options: WheelOptions) -> Wheel:
             "wheelbase_m": options.wheelbase_m or vehicle.wheelbase_m,
         }
         wheel = wheel.model_copy(update=of_the_car)
-    if log.unit == Steering.WHEEL:
+    if log.unit == SteeringUnit.WHEEL:
         ratio = options.ratio or (vehicle.steering_ratio if vehicle is not None else None)
         if ratio is None:
             raise InputError(
@@ -74,7 +76,7 @@ def wheel_of(logs: list[Log], options: WheelOptions) -> Wheel:
         source = "given" if options.ratio else f"of {car}"
         how = f"angles in the log, steering ratio {source}"
         return wheel.model_copy(update={"how": how, "ratio": ratio})
-    if log.unit == Steering.ROAD:
+    if log.unit == SteeringUnit.ROAD:
         return wheel
     lock_rad, how = _lock(logs, options, vehicle if car else None, wheel)
     return wheel.model_copy(update={"lock_rad": lock_rad, "how": how})
@@ -131,7 +133,7 @@ def fitted_lock(logs: list[Log], wheel: Wheel) -> tuple[float, str] | None:
 
 def road_wheel_rad(log: Log, wheel: Wheel) -> Column:
     """The labels of the rows of a log [rad]; NaN without steering, and where no steady turn is possible."""
-    factor = wheel.lock_rad if log.unit == Steering.LOCK else 1.0 / wheel.ratio
+    factor = wheel.lock_rad if log.unit == SteeringUnit.LOCK else 1.0 / wheel.ratio
     measured = wheel.sign * (factor or math.nan) * log.steering
     if wheel.k_us == 0.0 or wheel.wheelbase_m is None:
         return measured

@@ -10,7 +10,7 @@ from trepid.options import Car
 
 if TYPE_CHECKING:
     from learning.judging.evaluate import Bench
-    from learning.judging.predictions import Model, Predictions
+    from learning.judging.predictions import JudgedModel, Predictions
 
 COLUMNS = ("model", "frames", "MAE °", "95 %", "RMSE °", "mean °", "R²", "slope", "cover 90", "ms", "weights")
 
@@ -42,7 +42,7 @@ def evaluate(
 
     from learning.dataset.dataset import SPLITS, Dataset
     from learning.judging.evaluate import Bench
-    from learning.judging.predictions import Model
+    from learning.judging.predictions import JudgedModel
     from perception.images.frames import print_json, print_table
     from sim_harness.sweep.progress import SweepProgress
     from trepid.car.camera import Camera
@@ -59,7 +59,7 @@ def evaluate(
     cv2.setNumThreads(1)
     bench = Bench(Dataset.open(data), split, ratio=ratio)
     known = load(camera, Camera) if camera else None
-    judged = [Model(text, known) for text in dict.fromkeys(models)]
+    judged = [JudgedModel(text, known) for text in dict.fromkeys(models)]
     rows: list[dict[str, Any]] = []
     frames = len(bench.rows) * len(judged)
     with SweepProgress(frames, float(frames), noun="frames") as progress:
@@ -75,7 +75,7 @@ def evaluate(
     return 0
 
 
-def draw(picture: Path, bench: "Bench", model: "Model", found: "Predictions") -> None:
+def draw(picture: Path, bench: "Bench", model: "JudgedModel", found: "Predictions") -> None:
     """Write the worst frames of ``model``. Raises InputError without any frame that it answers."""
     from learning.judging.sheet import write_sheet
 

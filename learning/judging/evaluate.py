@@ -14,7 +14,7 @@ from scipy.stats import spearmanr
 from learning.dataset.dataset import Dataset, Rows
 from learning.judging import scores
 from learning.judging.bootstrap import block_frames, intervals
-from learning.judging.predictions import Model, Predictions
+from learning.judging.predictions import JudgedModel, Predictions
 from learning.judging.scores import Angles, Scores
 from perception.net.driver import TOLERANCE_RAD
 from trepid.config import InputError
@@ -136,7 +136,7 @@ class Bench:
         }
         return {name: _known(one * self.unit_deg, self.true_deg) for name, one in found.items()}
 
-    def row(self, model: Model, found: Predictions) -> dict[str, Any]:
+    def row(self, model: JudgedModel, found: Predictions) -> dict[str, Any]:
         """The scores of ``model``; those of an estimator on the frames with an answer."""
         seen, network = found.answered, model.network
         predicted, true = found.angle_rad[seen] * self.unit_deg, self.true_deg[seen]

@@ -12,7 +12,7 @@ from learning.dataset.dataset import Dataset, Rows
 from learning.dataset.route_camera import route_camera
 from learning.judging.scores import Angles
 from perception.estimators import NETWORK_SUFFIX, Estimator, entry_of, name_of
-from perception.net.driver import Driver, DriverNetwork
+from perception.net.driver import DriverNetwork, DrivingEstimator
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
@@ -40,7 +40,7 @@ class Predictions:
         return np.isfinite(self.angle_rad)
 
 
-class Model:
+class JudgedModel:
     """A driving network, or an estimator by its name, which may measure the lane."""
 
     def __init__(self, text: str, camera: Camera | None = None) -> None:
@@ -81,14 +81,14 @@ class Model:
 
     def _stepper(self, dataset: Dataset, rows: Rows, first: Image) -> Callable[[Image, float], Answer]:
         if self.network is not None:
-            return _network_step(Driver(self.name, self.network, self._vehicle), self.network)
+            return _network_step(DrivingEstimator(self.name, self.network, self._vehicle), self.network)
         assert self._entry is not None
         known = self._camera
         camera = known.resized(first.shape[1], first.shape[0]) if known else route_camera(dataset, rows)
         return _estimator_step(self._entry.build(camera, self._vehicle, assumed=known is None))
 
 
-def _network_step(driver: Driver, network: DriverNetwork) -> Callable[[Image, float], Answer]:
+def _network_step(driver: DrivingEstimator, network: DriverNetwork) -> Callable[[Image, float], Answer]:
     def step(image: Image, t_s: float) -> Answer:
         found = driver.steer(image, t_s)
         if found is None:

@@ -13,7 +13,7 @@ from trepid.types import Image
 BLUR, NOISE_GREY, RISE = 0.008, 15.0, 0.03  # of the width; [grey levels]; of the height
 
 
-class Shift(Protocol):
+class ImageChange(Protocol):
     """A change of an image."""
 
     def __call__(self, image: Image, rng: np.random.Generator) -> Image:
@@ -21,7 +21,7 @@ class Shift(Protocol):
         ...
 
 
-def _lit(gain: float) -> Shift:
+def _lit(gain: float) -> ImageChange:
     def lit(image: Image, rng: np.random.Generator) -> Image:
         return as_pixels(cv2.convertScaleAbs(image, alpha=gain))
 
@@ -42,7 +42,7 @@ def _raised(image: Image, rng: np.random.Generator) -> Image:
     return np.concatenate([image[rows:], np.repeat(image[-1:], rows, axis=0)])
 
 
-SHIFTS: Mapping[str, Shift] = MappingProxyType(
+SHIFTS: Mapping[str, ImageChange] = MappingProxyType(
     {
         "half the light": _lit(0.5),
         "twice the light": _lit(2.0),

@@ -18,7 +18,7 @@ from learning.descent import ahead, descend, warm_up_cosine
 from learning.lane.augment import Augmentation, Augmenter, nonsense
 from learning.lane.frames import Mounts
 from learning.lane.network import Exported, SteerNetwork, loss
-from learning.lane.scores import Labelled, Prediction, Task
+from learning.lane.scores import Labelled, Prediction, PursuitTask
 from learning.lane.unlabelled import SelfTraining, Unlabelled, none_of, self_labelled
 from learning.roadside import Scenery
 from perception.net.canonical import MIRRORED
@@ -107,7 +107,7 @@ def train(
         network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay
     )
     drives = none_of(canonical) if unlabelled is None else unlabelled
-    task = Task(wheelbase_m, network.command_row.double().numpy())
+    task = PursuitTask(wheelbase_m, network.command_row.double().numpy())
     kind = recipe.model_dump_json() + drives.digest
     progress = _restore(checkpoint, kind, network, optimiser) if resume else Progress()
     while progress.epoch < recipe.epochs and progress.epoch - progress.best_epoch < recipe.patience:
@@ -155,7 +155,7 @@ def largest_difference(network: SteerNetwork, exported: Network, images: np.ndar
 
 
 def _self_labelled(
-    recipe: Recipe, network: SteerNetwork, drives: Unlabelled, task: Task, epoch: int
+    recipe: Recipe, network: SteerNetwork, drives: Unlabelled, task: PursuitTask, epoch: int
 ) -> Labelled:
     """The frames of ``drives`` with lanes by ``network``; none in the first epochs."""
     early = epoch < recipe.self_training.after * recipe.epochs

@@ -44,7 +44,7 @@ HOME = Mounts(height=1.0, focal=1.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class TrainingShot:
     """Cameras and label of training frames."""
 
     camera: Camera  # that renders the frames, where ``mounts`` do not change it
@@ -87,7 +87,7 @@ def mounted(camera: Camera, *, height: float, focal: float) -> Camera:
 
 
 def random_frames(
-    shot: Shot, split: str, count: int, *, seed: int, folder: Path, reuse: bool, report: Report
+    shot: TrainingShot, split: str, count: int, *, seed: int, folder: Path, reuse: bool, report: Report
 ) -> Labelled:
     """``count`` frames of random roads of ``split``, as :func:`learning.rendered.rendered` keeps them."""
     images = np.empty((count, shot.canonical.height_px, shot.canonical.width_px, 3), np.uint8)
@@ -112,7 +112,7 @@ def random_frames(
 
 
 def mounted_frames(
-    shot: Shot, *, seed: int, folder: Path, reuse: bool, report: Report
+    shot: TrainingShot, *, seed: int, folder: Path, reuse: bool, report: Report
 ) -> dict[str, tuple[Labelled, float]]:
     """MOUNTED_FRAMES frames of the roads of the test by each camera of MOUNTS, and the scale of its world."""
     found = {}
@@ -132,7 +132,7 @@ def mounted_frames(
 
 
 def circuit_frames(
-    shot: Shot, name: str, *, seed: int, step_m: float = CIRCUIT_STEP_M
+    shot: TrainingShot, name: str, *, seed: int, step_m: float = CIRCUIT_STEP_M
 ) -> dict[str, Labelled]:
     """Frames every ``step_m`` along a shipped road at random poses near the lane centre, by section of the road."""
     rng = np.random.default_rng((seed, 1))

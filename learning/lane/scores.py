@@ -32,7 +32,7 @@ class Labelled:
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class PursuitTask:
     """Use of the lane: pure pursuit by a vehicle."""
 
     wheelbase_m: float
@@ -54,7 +54,7 @@ class Prediction:
     visible: Array  # (n,): probability of a road
 
 
-def predict(network: Network, images: Image, task: Task) -> Prediction:
+def predict(network: Network, images: Image, task: PursuitTask) -> Prediction:
     """The network's outputs for all ``images``."""
     lanes, sigmas, visible, _ = outputs(network, images)
     return Prediction(lanes, task.wheelbase_m * sigmas.astype(float), visible.astype(float))
@@ -106,13 +106,13 @@ def auroc(score: Array, positive: Mask) -> float:
 
 
 def scores(
-    network: Network, data: Labelled, task: Task, calibration: Calibration, *, scale: float = 1.0
+    network: Network, data: Labelled, task: PursuitTask, calibration: Calibration, *, scale: float = 1.0
 ) -> dict[str, float]:
     """Errors on the frames with a visible road: mean absolute errors except where named otherwise.
 
     ``scale``: of the true world to the canonical one of ``data``, in which the wheelbase is shorter by it.
     """
-    data, task = data.part(data.visible), Task(task.wheelbase_m / scale, task.command_row)
+    data, task = data.part(data.visible), PursuitTask(task.wheelbase_m / scale, task.command_row)
     found = predict(network, data.images, task)
     in_metres = np.array([scale, 1.0, 1 / scale, 1 / scale, scale])
     error = in_metres * np.abs(found.lanes - data.lanes).mean(axis=0)

@@ -11,12 +11,12 @@ import numpy as np
 import typer
 
 from learning.drawn_frames import UNMARKED_WIDTH_M, WIDTH_M
-from learning.lane.frames import Shot, circuit_frames, mounted_frames, random_frames
-from learning.lane.scores import Labelled, Task, calibrate, nonsense_seen, predict, scores
+from learning.lane.frames import TrainingShot, circuit_frames, mounted_frames, random_frames
+from learning.lane.scores import Labelled, PursuitTask, calibrate, nonsense_seen, predict, scores
 from learning.lane.world import add_world, limits
 from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say, ship
 from perception.net.canonical import cropped
-from perception.net.steer_net import Calibration, Network, Record
+from perception.net.steer_net import Calibration, Network, SteerNetRecord
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
@@ -64,7 +64,7 @@ def train(
 
 def run(
     recipe: "Recipe", out: Path, folder: Path, *, unlabelled: Sequence[Path] = (), resume: bool
-) -> Record:
+) -> SteerNetRecord:
     """Render, fit, export and score; writes ``folder``/steer_net.onnx and steer_net.json. Raises InputError."""
     from learning.lane.fit import largest_difference
     from learning.lane.fit import train as fit
@@ -76,7 +76,7 @@ def run(
     canonical = cropped(camera, **recipe.crop.model_dump())
     drives = read_drives(unlabelled, canonical, most_frames=recipe.self_training.most_frames)
     wheelbase_m = load(CONFIG_DIR / "vehicle.yaml", Vehicle).wheelbase_m
-    shot = Shot(camera, canonical, recipe.lane_lookahead_m, recipe.frames_per_road, recipe.scenery)
+    shot = TrainingShot(camera, canonical, recipe.lane_lookahead_m, recipe.frames_per_road, recipe.scenery)
     mounted = replace(shot, mounts=recipe.mounts)
     counts = dict(train=recipe.frames, validation=recipe.validation_frames, test=recipe.test_frames)
     data = {
@@ -120,7 +120,7 @@ def run(
     measured["nonsense"] = nonsense_seen(exported, data["test"], seed=recipe.seed)
     command = f"trepid train-lane --frames {recipe.frames} --epochs {recipe.epochs} --seed {recipe.seed}"
     command += "".join(f" --unlabelled {name}" for name in drives.names)
-    record = Record(
+    record = SteerNetRecord(
         **origin(fresh, command),
         parameters=sum(p.numel() for p in network.parameters()),
         camera=canonical,
@@ -151,12 +151,12 @@ def seen_widths_m(factor: float) -> tuple[float, float]:
 
 def _calibrated(
     recipe: "Recipe", network: Network, validation: Labelled, wheelbase_m: float
-) -> tuple[Task, Calibration]:
+) -> tuple[PursuitTask, Calibration]:
     """The task of the network, and the calibration of its confidence."""
     from learning.lane.network import command_row
 
     row = command_row(recipe.lane_lookahead_m, recipe.command_lookahead_m).double().numpy()
-    task = Task(wheelbase_m, row)
+    task = PursuitTask(wheelbase_m, row)
     seen = validation.part(validation.visible)
     found = predict(network, seen.images, task)
     error_rad = task.road_wheel_angle(found.lanes) - task.road_wheel_angle(seen.lanes)

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from learning.lane.scores import Labelled, Prediction, Task
+from learning.lane.scores import Labelled, Prediction, PursuitTask
 from perception.api import cameras
 from perception.images.frames import FrameResult, Unread, results
 from perception.images.sources import Source
@@ -111,7 +111,7 @@ def _sized(frame: FrameResult[Image | None]) -> Image:
 
 
 def self_labelled(
-    predict: Callable[[Image], Prediction], frames: Unlabelled, task: Task, *, agree_rad: float
+    predict: Callable[[Image], Prediction], frames: Unlabelled, task: PursuitTask, *, agree_rad: float
 ) -> Labelled:
     """The frames in which the network is consistent, with its lanes."""
     if not len(frames):

@@ -13,13 +13,13 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from learning.lane.frames import Mounts, Shot, random_frames
+from learning.lane.frames import Mounts, TrainingShot, random_frames
 from learning.lane.scores import outputs
 from learning.rendered import SHIPPED, WeightsFolder, origin, say, ship
 from learning.roadside import Scenery
 from learning.unlike import attach
 from perception.net.session import load_record
-from perception.net.steer_net import Calibration, Network, Record, World
+from perception.net.steer_net import Calibration, Network, SteerNetRecord, World
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
@@ -32,7 +32,7 @@ NEAR_QUANTILE = 0.995  # of the distances of images of other roads: in the world
 FAR_SHARE = 1.15  # ... and outside from this multiple on
 
 
-def add_world(path: Path, shot: Shot, *, seed: int, folder: Path, reuse: bool) -> Image:
+def add_world(path: Path, shot: TrainingShot, *, seed: int, folder: Path, reuse: bool) -> Image:
     """Give the network ``path`` the output ``unlike`` (n,); images of other roads for :func:`limits`."""
     varied = replace(shot, frames_per_road=FRAMES_PER_ROAD)
     train, validation = (
@@ -60,11 +60,11 @@ def renew(
     shipped = weights / "steer_net.onnx"
     if not shipped.is_file():
         raise InputError(f"{shipped}: no weights; `trepid train-lane` makes them")
-    record = load_record(shipped, Record)
+    record = load_record(shipped, SteerNetRecord)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     scenery = Scenery.model_validate(record.recipe["scenery"])
     mounts = Mounts.model_validate(record.recipe["mounts"])
-    shot = Shot(camera, record.camera, record.lane_lookahead_m, FRAMES_PER_ROAD, scenery, mounts)
+    shot = TrainingShot(camera, record.camera, record.lane_lookahead_m, FRAMES_PER_ROAD, scenery, mounts)
     with tempfile.TemporaryDirectory() as folder:
         fresh = Path(folder) / shipped.name
         fresh.write_bytes(shipped.read_bytes())

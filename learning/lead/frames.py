@@ -22,10 +22,10 @@ from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.vehicles import Body, outline
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import DisturbanceKind, disturbed
-from sim_harness.world.roads.drawn import Shape, random_segments
+from sim_harness.world.roads.drawn import BendShape, random_segments
 from sim_harness.world.roads.elevation import ElevationPoint
 from sim_harness.world.roads.features import MarkKind, RoadMark
 from sim_harness.world.roads.road import Road
@@ -126,7 +126,7 @@ def _random_place(rng: np.random.Generator) -> Road:
     if kind < len(ROADS):
         road = ROADS[kind](rng)
     else:
-        shape = Shape.BEND if rng.random() < 0.5 else Shape.STRAIGHT
+        shape = BendShape.BEND if rng.random() < 0.5 else BendShape.STRAIGHT
         street = tuple(StreetKind)[int(rng.integers(len(StreetKind)))]
         road = random_street(street, rng, from_m=10.0, segments=random_segments(shape, rng)).road
     if rng.random() >= MARKED_SHARE:
@@ -152,7 +152,7 @@ def _twins(
         (_random_pose(road, station_m, rng), random_body(rng))
         for _ in range(1 if road.elevation else int(rng.integers(1, MAX_VEHICLES - 1)))
     ]
-    motion = Motion(float(rng.uniform(0, FASTEST_MPS)), float(rng.normal(0, 0.2)))
+    motion = ShutterMotion(float(rng.uniform(0, FASTEST_MPS)), float(rng.normal(0, 0.2)))
     light = _random_light(rng) if rng.random() < 0.5 else None
     seen = [(_relative(place, pose), body) for place, body in vehicles]
     cluttered_by = int(rng.integers(2**31)) if rng.random() < CLUTTER_SHARE else None

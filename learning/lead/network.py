@@ -95,7 +95,7 @@ def loss(raw: Tensor, wanted: Tensor, positive: Tensor, asked: Tensor) -> Tensor
     return (entropy * wrong * weight).sum() / count + BOX_WEIGHT * box
 
 
-class Exported(nn.Module):
+class ExportedLeadNetwork(nn.Module):
     """The network with probabilities instead of logits: (n, OUTPUTS, CELL_COLUMNS)."""
 
     def __init__(self, network: LeadNetwork) -> None:
@@ -136,7 +136,7 @@ def export(network: LeadNetwork, path: Path) -> None:
     """Write the network for any number of strips as one ONNX file."""
     strips = torch.zeros((STRIPS, ROWS, COLUMNS, 3), dtype=torch.uint8)
     torch.onnx.export(
-        Exported(network).eval(),
+        ExportedLeadNetwork(network).eval(),
         (strips,),
         str(path),
         input_names=["strips"],

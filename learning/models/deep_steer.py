@@ -19,7 +19,7 @@ from learning.models.imagenet import VGG, VGG16, VGG19, InceptionV3
 from learning.models.parts.heads import Head
 from learning.models.parts.memory import SimpleRNN
 from learning.models.parts.network import Size, SteeringNetwork, glorot
-from learning.models.parts.view import View
+from learning.models.parts.view import InputView
 
 DENSE = 1024
 UNITS = 128
@@ -38,34 +38,36 @@ class WithoutPast(nn.Module):
 
 def inception_v3(size: Size, head: Head) -> SteeringNetwork:
     """InceptionV3 and the top. Its trunk reads −1 to 1, as Keras and the public weights of TensorFlow."""
-    return _built(size, head, InceptionV3(), View(scaling="signed"))
+    return _built(size, head, InceptionV3(), InputView(scaling="signed"))
 
 
 def vgg16(size: Size, head: Head) -> SteeringNetwork:
     """VGG16 and the top."""
-    return _built(size, head, VGG(VGG16), View(scaling="imagenet"))
+    return _built(size, head, VGG(VGG16), InputView(scaling="imagenet"))
 
 
 def vgg19(size: Size, head: Head) -> SteeringNetwork:
     """VGG19 and the top."""
-    return _built(size, head, VGG(VGG19), View(scaling="imagenet"))
+    return _built(size, head, VGG(VGG19), InputView(scaling="imagenet"))
 
 
 def rnn_as_printed(size: Size, head: Head) -> SteeringNetwork:
     """InceptionV3, the top, and SimpleRNN on sequences of length 1."""
-    return _built(size, head, InceptionV3(), View(scaling="signed"), WithoutPast(SimpleRNN(DENSE, UNITS)))
+    return _built(
+        size, head, InceptionV3(), InputView(scaling="signed"), WithoutPast(SimpleRNN(DENSE, UNITS))
+    )
 
 
 def rnn(size: Size, head: Head) -> SteeringNetwork:
     """InceptionV3, the top, and SimpleRNN on true sequences, stateful at run time."""
-    return _built(size, head, InceptionV3(), View(scaling="signed"), memory=SimpleRNN(DENSE, UNITS))
+    return _built(size, head, InceptionV3(), InputView(scaling="signed"), memory=SimpleRNN(DENSE, UNITS))
 
 
 def _built(
     size: Size,
     head: Head,
     trunk: nn.Module,
-    view: View,
+    view: InputView,
     last: nn.Module | None = None,
     memory: SimpleRNN | None = None,
 ) -> SteeringNetwork:

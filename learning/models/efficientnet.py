@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from learning.models.parts.heads import Head
 from learning.models.parts.network import Size, SteeringNetwork
-from learning.models.parts.view import View
+from learning.models.parts.view import InputView
 
 EPSILON = 1e-3
 LAST = 1280
@@ -91,7 +91,7 @@ class EfficientNetLite0(nn.Module):
 def efficientnet_lite0(size: Size, head: Head) -> SteeringNetwork:
     """The network."""
     top = nn.Sequential(nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.Dropout(0.2))
-    return SteeringNetwork(size, View(scaling="signed"), EfficientNetLite0(), top, head)
+    return SteeringNetwork(size, InputView(scaling="signed"), EfficientNetLite0(), top, head)
 
 
 def packaged() -> Path | None:

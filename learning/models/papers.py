@@ -5,7 +5,7 @@ from torch import nn
 from learning.models.parts.heads import Categorical, Head
 from learning.models.parts.memory import LSTM
 from learning.models.parts.network import Size, SteeringNetwork, convolutions, dense, glorot
-from learning.models.parts.view import View
+from learning.models.parts.view import InputView
 
 # Convolutions: channels, kernel, stride.
 PILOTNET = ((24, 5, 2), (36, 5, 2), (48, 5, 2), (64, 3, 1), (64, 3, 1))
@@ -30,7 +30,7 @@ def pilotnet(size: Size, head: Head) -> SteeringNetwork:
 
     The "1164 neurons" of its figure are the flattened 1 x 18 x 64 = 1152 features.
     """
-    view = View(crop_px=round(PILOTNET_CROP * size.height), colour="yuv", scaling="signed")
+    view = InputView(crop_px=round(PILOTNET_CROP * size.height), colour="yuv", scaling="signed")
     network = SteeringNetwork(size, view, convolutions(3, PILOTNET), dense(100, 50, 10), head)
     glorot(network)
     return network
@@ -46,7 +46,7 @@ def rausch(size: Size, head: Head) -> SteeringNetwork:
         conv 5x5/2, 36 -> 17 x 37    21 636      output           101
         conv 3x3/2, 48 ->  8 x 18    15 600
     """
-    network = SteeringNetwork(size, View(), convolutions(3, RAUSCH), dense(100), head)
+    network = SteeringNetwork(size, InputView(), convolutions(3, RAUSCH), dense(100), head)
     glorot(network)
     return network
 
@@ -62,7 +62,7 @@ def jain(size: Size, head: Head) -> SteeringNetwork:
     """
     if isinstance(head, Categorical):
         head = Categorical(JAIN_CENTRES)
-    network = SteeringNetwork(size, View(colour="grey"), nn.Identity(), dense(32, 32), head)
+    network = SteeringNetwork(size, InputView(colour="grey"), nn.Identity(), dense(32, 32), head)
     glorot(network)
     return network
 
@@ -81,7 +81,7 @@ def chen_huang(size: Size, head: Head) -> SteeringNetwork:
     """
     top = nn.Sequential(nn.Flatten(), nn.LazyLinear(512), nn.ReLU(), nn.Linear(512, 50))
     trunk = convolutions(3, CHEN_HUANG, same=True)
-    network = SteeringNetwork(size, View(scaling="signed"), trunk, top, head)
+    network = SteeringNetwork(size, InputView(scaling="signed"), trunk, top, head)
     glorot(network)
     return network
 
@@ -101,7 +101,9 @@ def cnn_lstm(size: Size, head: Head) -> SteeringNetwork:
     The state holds the features of the last frames of a window (:class:`LSTM`).
     """
     trunk = convolutions(3, CNN_LSTM, norm=True, same=True)
-    return SteeringNetwork(size, View(scaling="contrast"), trunk, dense(100, 50), head, LSTM(50, LSTM_UNITS))
+    return SteeringNetwork(
+        size, InputView(scaling="contrast"), trunk, dense(100, 50), head, LSTM(50, LSTM_UNITS)
+    )
 
 
 def donkey_linear(size: Size, head: Head) -> SteeringNetwork:
@@ -133,6 +135,6 @@ def _donkey(size: Size, head: Head, *, stride: int) -> SteeringNetwork:
     """
     layers = ((24, 5, 2), (32, 5, 2), (64, 5, 2), (64, 3, stride), (64, 3, 1))
     trunk = convolutions(3, layers, dropout=DONKEY_DROPOUT)
-    network = SteeringNetwork(size, View(), trunk, dense(100, 50, dropout=DONKEY_DROPOUT), head)
+    network = SteeringNetwork(size, InputView(), trunk, dense(100, 50, dropout=DONKEY_DROPOUT), head)
     glorot(network)
     return network

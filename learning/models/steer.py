@@ -26,7 +26,7 @@ from learning.models.parts.heads import Head
 from learning.models.parts.memory import Memory
 from learning.models.parts.motion import Shift, ShiftedLSTM
 from learning.models.parts.network import Size, SteeringNetwork, convolutions
-from learning.models.parts.view import View
+from learning.models.parts.view import InputView
 
 CONVOLUTIONS = ((24, 5, 2), (32, 3, 2), (48, 3, 2), (64, 3, 1), (64, 3, 2))
 DENSE = 64
@@ -56,4 +56,4 @@ def _network(size: Size, head: Head, memory: Memory | None = None) -> SteeringNe
     top = nn.Sequential(
         nn.Flatten(), nn.Dropout(DROPOUT), nn.LazyLinear(DENSE), nn.ReLU(), nn.Dropout(DROPOUT)
     )
-    return SteeringNetwork(size, View(scaling="contrast"), trunk, top, head, memory)
+    return SteeringNetwork(size, InputView(scaling="contrast"), trunk, top, head, memory)

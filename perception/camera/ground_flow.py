@@ -18,7 +18,7 @@ WINDOW_PX, LEVELS = 15, 2  # of the tracking by Lucas and Kanade
 
 
 @dataclass(frozen=True)
-class Ground:
+class GroundInImage:
     """Where the ground is in the image, as far as it is known."""
 
     camera: Camera  # whose levelled images count; its yaw, height and distortion are not used
@@ -61,7 +61,7 @@ class Moved:
 
 
 def tracked(
-    before: Image, after: Image, ground: Ground, way_m: float, turn_rad: float | None, dt_s: float
+    before: Image, after: Image, ground: GroundInImage, way_m: float, turn_rad: float | None, dt_s: float
 ) -> Moved:
     """Corners of the ground in two grey images.
 
@@ -92,7 +92,7 @@ def tracked(
     return Moved(starts.astype(float), ends.astype(float), way_m, turn_rad, dt_s)
 
 
-def _mask(shape: tuple[int, ...], ground: Ground, way_m: float) -> Image:
+def _mask(shape: tuple[int, ...], ground: GroundInImage, way_m: float) -> Image:
     """The part of the image in which corners are tracked."""
     camera, horizon_px = ground.camera, ground.camera.horizon_row_px
     mask = np.zeros(shape, np.uint8)

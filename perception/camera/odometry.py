@@ -9,13 +9,13 @@ import numpy as np
 
 from perception.camera.grey import grey
 from perception.camera.ground_fit import Optics, optics, turning
-from perception.camera.ground_flow import Ground, Moved, tracked
+from perception.camera.ground_flow import GroundInImage, Moved, tracked
 from perception.camera.road_lines import pitch_and_yaw
 from trepid.car.camera import Camera
 from trepid.types import Image
 
 
-class Odometry(StrEnum):
+class StateOdometry(StrEnum):
     """What the vehicle states measure independently of the images."""
 
     NONE = "none"
@@ -62,7 +62,7 @@ class DriveOptics:
     def __init__(
         self,
         camera: Camera,
-        odometry: Odometry = Odometry.WAY_AND_TURN,
+        odometry: StateOdometry = StateOdometry.WAY_AND_TURN,
         *,
         pairs: int = MAX_PAIRS,
     ) -> None:
@@ -75,7 +75,7 @@ class DriveOptics:
         self._scale = min(1.0, MAX_WIDTH_PX / camera.width_px)
         self._size_px = round(camera.width_px * self._scale), round(camera.height_px * self._scale)
         small = camera.resized(*self._size_px)
-        self._ground = Ground(small, small.fx_px, small.fx_px * small.height_m)
+        self._ground = GroundInImage(small, small.fx_px, small.fx_px * small.height_m)
         self._first_horizon_px = small.horizon_row_px
         self._pairs: list[Moved] = []
         self._restarts = 0
@@ -95,9 +95,9 @@ class DriveOptics:
         self, image: Image, t_s: float, speed_mps: float | None, yaw_rate_radps: float | None
     ) -> Optics | None:
         """The camera as measured so far, after every 25th pair of frames; otherwise None."""
-        if self.complete or self._odometry is Odometry.NONE or image.shape[:2] != self._shape:
+        if self.complete or self._odometry is StateOdometry.NONE or image.shape[:2] != self._shape:
             return None
-        if self._odometry is Odometry.WAY:
+        if self._odometry is StateOdometry.WAY:
             yaw_rate_radps = None
         last, self._last = self._last, None
         if speed_mps is None or not speed_mps >= MIN_SPEED_MPS:

@@ -30,7 +30,7 @@ def is_recording(path: Path) -> bool:
     return path.suffix.lower() == RECORDING_SUFFIX
 
 
-class Shot(NamedTuple):
+class SourceImage(NamedTuple):
     """One image of a source."""
 
     path: Path
@@ -59,11 +59,11 @@ class Still:
         """The decoded image. Raises InputError."""
         return read_image(self.path)
 
-    def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
+    def shots(self, refused: Refused = _raised) -> Iterator[SourceImage]:
         """The image at time 0. ``refused`` gets the error of an unreadable image of a folder."""
         image = _image(self.path, refused if self.in_folder else _raised)
         if image is not None:
-            yield Shot(self.path, 0, 0.0, image)
+            yield SourceImage(self.path, 0, 0.0, image)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +74,12 @@ class Stills:
     files: Sequence[Path]
     fps: float
 
-    def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
+    def shots(self, refused: Refused = _raised) -> Iterator[SourceImage]:
         """The images in order; ``refused`` gets the errors of unreadable ones, whose places in time stay empty."""
         for number, path in enumerate(self.files):
             image = _image(path, refused)
             if image is not None:
-                yield Shot(path, number, number / self.fps, image)
+                yield SourceImage(path, number, number / self.fps, image)
 
     def sample(self, count: int) -> list[Image]:
         """Up to ``count`` images spread over the drive, for calibration; unreadable ones are left out."""
@@ -106,14 +106,14 @@ class Footage:
         """The recording states its drive, so that its camera is known: that of its car, else the shipped one."""
         return bool(self.head.notes)
 
-    def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
+    def shots(self, refused: Refused = _raised) -> Iterator[SourceImage]:
         """The images by their capture times. ``refused`` gets the error of an image that cannot be decoded."""
         for number, (_, message) in enumerate(self.images.messages()):
             image = decoded(message)
             if image is None:
                 refused(InputError(f"{self.path}: the image of {message.t_s:.3f} s cannot be decoded"))
             else:
-                yield Shot(self.path, number, message.t_s, image)
+                yield SourceImage(self.path, number, message.t_s, image)
 
     def sample(self, count: int) -> list[Image]:
         """Up to ``count`` images spread over the recording, for calibration; undecodable ones are left out."""
@@ -136,12 +136,12 @@ class Clip:
         """Its frames. Raises InputError as :meth:`shots`."""
         return (shot.image for shot in self.shots())
 
-    def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
+    def shots(self, refused: Refused = _raised) -> Iterator[SourceImage]:
         """Its frames by their stamps. Raises InputError after the last one when the file is cut short."""
         count = 0
         for frame in video_frames(self.path):
             count += 1
-            yield Shot(self.path, frame.number, frame.t_s, frame.decode())
+            yield SourceImage(self.path, frame.number, frame.t_s, frame.decode())
         loss = loss_of(self.path)
         if loss:
             raise InputError(f"{self.path}: video is truncated: {count} frames can be read; {loss}")

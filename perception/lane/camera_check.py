@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from perception.lane.model.evidence import LaneFit
 from perception.lane.model.geometry import KAPPA, PITCH, PSI, LaneState
-from perception.lane.model.prediction import Motion
+from perception.lane.model.prediction import VehicleMotion
 from trepid.config import Settings
 from trepid.types import Positive
 
@@ -48,7 +48,7 @@ class CameraCheck:
         self._turned_rad, self._measured_rad = 0.0, 0.0
         self._heading_rad: float | None = None
 
-    def step(self, fit: LaneFit, motion: Motion, *, dt_s: float) -> None:
+    def step(self, fit: LaneFit, motion: VehicleMotion, *, dt_s: float) -> None:
         """Adds a lane detected ``dt_s`` after the one before; only lanes with two lines count.
 
         After any other lane or a longer interval, the change of heading is no measure of the turn.
@@ -68,7 +68,9 @@ class CameraCheck:
             share = dt_s / min(self._straight_s, self._settings.memory_s)
             self._pitch_rad += share * (float(lane.mean[PITCH]) - self._pitch_rad)
 
-    def _add_turn(self, lane: LaneState, heading_change_rad: float, motion: Motion, dt_s: float) -> None:
+    def _add_turn(
+        self, lane: LaneState, heading_change_rad: float, motion: VehicleMotion, dt_s: float
+    ) -> None:
         curvature, (speed_mps, yaw_rate_radps) = float(lane.mean[KAPPA]), motion
         if speed_mps is None or yaw_rate_radps is None or abs(curvature) < self._settings.bent_1pm:
             return

@@ -12,7 +12,7 @@ from perception.lane.model.evidence import NO_SUPPORT, LaneFit
 from perception.lane.model.geometry import PITCH, LaneState, RoadPoints, levelled
 from perception.lane.model.prior import straightened
 from perception.lane.settings import LaneCvSettings
-from perception.lane.view import View
+from perception.lane.view import ViewTables
 from trepid.types import Array, Floats, Image
 
 
@@ -22,7 +22,7 @@ class FrameSearch:
     A search over all shapes also fits a straight lane, which wins unless the points favour the bent one.
     """
 
-    def __init__(self, image: Image, view: View, settings: LaneCvSettings) -> None:
+    def __init__(self, image: Image, view: ViewTables, settings: LaneCvSettings) -> None:
         self._image, self._view, self._settings = image, view, settings
         self._line_fitter = LaneFitter(view.grid, settings.fit, settings.evidence)
         self._edge_fitter = LaneFitter(view.edges.grid, settings.edge_fit, settings.evidence)

@@ -18,10 +18,10 @@ from perception.lane.estimate import NAME, lane_estimate
 from perception.lane.frame_search import FrameSearch
 from perception.lane.memory import LaneMemory
 from perception.lane.model.geometry import LaneState
-from perception.lane.model.prediction import Motion
+from perception.lane.model.prediction import VehicleMotion
 from perception.lane.rating import Features, Rating
 from perception.lane.settings import LaneCvSettings
-from perception.lane.view import View, make_view, unusable
+from perception.lane.view import ViewTables, make_view, unusable
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, SteeringEstimate, VehicleState
@@ -61,7 +61,7 @@ class LaneCv:
         if view is None:
             return self._nothing(frame.t_s, "the image shows no road")
 
-        motion, memory = Motion.of(state), self._memory
+        motion, memory = VehicleMotion.of(state), self._memory
         memory.predict(frame.t_s, motion)
         search = FrameSearch(view.working_image(frame.image), view, self._settings)
         found = self._choice.choose(search, memory)
@@ -88,7 +88,7 @@ class LaneCv:
             marked=not memory.by_edges,
         )
 
-    def _view_of(self, width_px: int, height_px: int) -> View | None:
+    def _view_of(self, width_px: int, height_px: int) -> ViewTables | None:
         if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
             self._camera = self._camera.resized(width_px, height_px)
             self._view = make_view(self._settings, self._camera)

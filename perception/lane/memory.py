@@ -4,7 +4,7 @@ import math
 
 from perception.lane.model.geometry import LaneState
 from perception.lane.model.lane_in_road import lane_within, road_around
-from perception.lane.model.prediction import Motion, predict, steady, travelled_m
+from perception.lane.model.prediction import VehicleMotion, predict, steady, travelled_m
 from perception.lane.model.prior import looks_straight, on_straight
 from perception.lane.rating import NO_FACTORS, Candidate, Rating
 from perception.lane.settings import LaneCvSettings
@@ -31,7 +31,7 @@ class LaneMemory:
         self._straight = False  # whether the road was straight at the last detection
         self._unmarked_m = 0.0  # driven since the last detection of lines
 
-    def predict(self, t_s: float, motion: Motion) -> None:
+    def predict(self, t_s: float, motion: VehicleMotion) -> None:
         """Move the lane and its rival to ``t_s``; forget both when time runs backwards or without detections.
 
         A lane without detection is remembered for ``max_coast_s``, and for less if its probability was below

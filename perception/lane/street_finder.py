@@ -12,7 +12,7 @@ from perception.lane.model.evidence import LaneFit
 from perception.lane.model.geometry import KAPPA, PSI, LaneState, RoadPoints, parallel_curve
 from perception.lane.settings import LaneCvSettings
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair, boundaries, pairs
-from perception.lane.street.profile import Course, Levelled, Profile, StreetView
+from perception.lane.street.profile import Levelled, Profile, StreetCourse, StreetView
 from perception.lane.view import make_view
 from trepid.car.camera import Camera
 from trepid.types import Array, Image
@@ -59,7 +59,7 @@ def street_lane(
     *,
     height_sigma: float,
     on_left: float = 0.5,
-    near: Course | None = None,
+    near: StreetCourse | None = None,
     before: Sequence[Pair] = (),
 ) -> StreetLane | None:
     """The lane of the car in ``image`` from ``camera``, whose height is the median of the belief; None without one.
@@ -89,7 +89,7 @@ def street_lane(
 
 
 def _fitted(
-    view: StreetView, levelled: Levelled, course: Course, pair: Pair, settings: LaneCvSettings
+    view: StreetView, levelled: Levelled, course: StreetCourse, pair: Pair, settings: LaneCvSettings
 ) -> LaneFit:
     """The lane fitted to the paint and the steps near the boundaries of ``pair``."""
     start = np.array([pair.offset_m, course.heading_rad, course.curvature_1pm, 0.0, pair.width_m, 0.0])

@@ -19,7 +19,7 @@ MIN_BANDS = 8  # rows of road
 
 
 @dataclass(frozen=True)
-class View:
+class ViewTables:
     """Tables for images of one size from one camera."""
 
     camera: Camera  # of the input image
@@ -40,7 +40,7 @@ class View:
 
 
 @lru_cache(maxsize=8)
-def make_view(settings: LaneCvSettings, camera: Camera) -> View | None:
+def make_view(settings: LaneCvSettings, camera: Camera) -> ViewTables | None:
     """The view of ``camera``, at most ``working_width_px`` wide; None when the image shows no road."""
     width_px = min(camera.width_px, settings.working_width_px)
     height_px = max(1, round(camera.height_px * width_px / camera.width_px))
@@ -50,7 +50,7 @@ def make_view(settings: LaneCvSettings, camera: Camera) -> View | None:
     )
     if len(grid.ahead_m) < MIN_BANDS:
         return None
-    return View(
+    return ViewTables(
         camera=camera,
         undistort=undistortion_maps(working),
         grid=grid,

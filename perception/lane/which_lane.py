@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from perception.camera.odometry import DriveOptics, Odometry
+from perception.camera.odometry import DriveOptics, StateOdometry
 from perception.camera.uncertainty import CameraBelief, with_camera_doubt
 from perception.lane.agreement import agreement, lane_columns
 from perception.lane.detection.evenness import unevenness
@@ -23,10 +23,10 @@ from perception.lane.detection.marks import marks
 from perception.lane.detection.shown import shown
 from perception.lane.estimate import lane_estimate
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
-from perception.lane.model.prediction import Motion
+from perception.lane.model.prediction import VehicleMotion
 from perception.lane.settings import LaneCvSettings
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair, kerb_side
-from perception.lane.street.profile import Course
+from perception.lane.street.profile import StreetCourse
 from perception.lane.street.rating import either, probability_of, searched_features, street_features
 from perception.lane.street_finder import StreetLane, street_lane
 from perception.lane.unknown_camera import LaneOfUnknownCamera
@@ -45,7 +45,7 @@ OTHER_LANE = "at other likely heights of the camera, or beside it, it is another
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class FinderLane:
     """The lane of one finder, and the features of its probability."""
 
     estimate: SteeringEstimate
@@ -57,7 +57,7 @@ class Kept:
     """What is remembered of a frame."""
 
     t_s: float
-    course: Course
+    course: StreetCourse
     pairs: tuple[Pair, ...]
 
 
@@ -69,7 +69,7 @@ class WhichLane:
         settings: LaneCvSettings,
         camera: Camera,
         vehicle: Vehicle,
-        odometry: Odometry = Odometry.WAY_AND_TURN,
+        odometry: StateOdometry = StateOdometry.WAY_AND_TURN,
     ) -> None:
         """``camera``: a self-calibrated one, with the medians of the belief."""
         self._settings, self._vehicle = settings, vehicle
@@ -79,7 +79,7 @@ class WhichLane:
         self._kept: Kept | None = None
         self._traffic_log_odds = 0.0  # of left-hand traffic, learned
         self.looks: tuple[
-            Look, ...
+            FinderLane, ...
         ] = ()  # of the last frame: of the search, then of the pair if there is one
 
     @property
@@ -100,7 +100,7 @@ class WhichLane:
     def _found(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         if unusable(frame.image):
             return self._searched.step(frame, state, now_s=now_s)
-        street, motion, before = self._settings.street, Motion.of(state), self.camera
+        street, motion, before = self._settings.street, VehicleMotion.of(state), self.camera
         found = self._drive.step(frame.image, frame.t_s, motion.speed_mps, motion.yaw_rate_radps)
         if found is not None:
             self._searched.measured(found)
@@ -120,7 +120,7 @@ class WhichLane:
         """What is known of the camera."""
         return self._searched.belief
 
-    def _street(self, frame: Frame, motion: Motion) -> StreetLane | None:
+    def _street(self, frame: Frame, motion: VehicleMotion) -> StreetLane | None:
         """The most probable pair of the street; updates what is kept."""
         kept, belief = self._kept, self.belief
         if kept is not None and not 0 < frame.t_s - kept.t_s < FORGET_S:
@@ -151,7 +151,7 @@ class WhichLane:
         """The more probable one of both lanes."""
         weights, (height, width) = self._settings.street, frame.image.shape[:2]
         if lane is None:
-            self.looks = (Look(searched, _of_search(searched, frame.image, 0.0, 0.0)),)
+            self.looks = (FinderLane(searched, _of_search(searched, frame.image, 0.0, 0.0)),)
             rated = probability_of(self.looks[0].features, weights.searched)
             return _doubted(searched, min(rated, searched.confidence))
         paired = self._estimate(lane, frame.t_s)
@@ -168,7 +168,7 @@ class WhichLane:
             shown=shown(frame.image, paired.left_boundary_px, paired.right_boundary_px) or 0.0,
             along=marks(frame.image, paired.left_boundary_px, paired.right_boundary_px).along,
         )
-        self.looks = Look(searched, of_search), Look(paired, of_pair)
+        self.looks = FinderLane(searched, of_search), FinderLane(paired, of_pair)
         most = either(searched.confidence, lane.pair.probability, agreement=same)
         by_search = min(probability_of(of_search, weights.searched), most)
         by_pair = probability_of(of_pair, weights.pair)
@@ -235,7 +235,7 @@ def scaled(lane: LaneState, factor: float) -> LaneState:
     return LaneState(mean=lane.mean * scale, covariance=lane.covariance * np.outer(scale, scale))
 
 
-def moved(kept: Kept, motion: Motion, t_s: float) -> tuple[Pair, ...]:
+def moved(kept: Kept, motion: VehicleMotion, t_s: float) -> tuple[Pair, ...]:
     """The kept pairs at ``t_s``: a vehicle with the heading ψ moves v·sin ψ to the left."""
     aside_m = (motion.speed_mps or 0.0) * (t_s - kept.t_s) * math.sin(kept.course.heading_rad)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from perception.lane.model.prediction import Motion
+from perception.lane.model.prediction import VehicleMotion
 from perception.lane.view import as_bgr, unusable
 from perception.lead.boxes import BoxDetector, BoxSettings
 from perception.lead.detection import Detection, Detector, NotFinite, StripDetector
@@ -283,7 +283,7 @@ def usable_lane(
 
 def _motion(state: VehicleState | None) -> tuple[float, float] | None:
     """Speed and yaw rate; None unless both are known, and possible."""
-    speed_mps, yaw_rate_radps = Motion.of(state)
+    speed_mps, yaw_rate_radps = VehicleMotion.of(state)
     return None if speed_mps is None or yaw_rate_radps is None else (speed_mps, yaw_rate_radps)
 
 

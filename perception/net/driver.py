@@ -64,7 +64,7 @@ class DriverRecord(BaseModel):
         return 2.0 * _NORMAL.cdf(TOLERANCE_RAD / self.sigma_rad(scale_rad)) - 1.0
 
 
-class Steering(NamedTuple):
+class NetworkOutput(NamedTuple):
     """The outputs of a driving network for one frame."""
 
     road_wheel_rad: float
@@ -100,7 +100,7 @@ class DriverNetwork:
         if not steering.finite:
             raise self._refused("its outputs for a grey image are not finite, or sigma_rad is not positive")
 
-    def __call__(self, image: Image, state: Numbers | None) -> Steering:
+    def __call__(self, image: Image, state: Numbers | None) -> NetworkOutput:
         """The outputs for an image of any size, (h, w, 3) uint8 BGR, after the frames behind ``state``."""
         size = (self.record.width, self.record.height)
         if image.shape[:2] != size[::-1]:
@@ -109,7 +109,7 @@ class DriverNetwork:
         if state is not None:
             inputs["state"] = state
         angle, scale, unlike, *memory = self._session.run(self._names, inputs)
-        return Steering(angle.item(), scale.item(), unlike.item(), memory[0] if memory else None)
+        return NetworkOutput(angle.item(), scale.item(), unlike.item(), memory[0] if memory else None)
 
     def _checked_graph(self) -> Numbers | None:
         """The state before the first frame, zeros of shape (1, …); None without memory. Raises InputError."""
@@ -144,7 +144,7 @@ class DriverNetwork:
         return InputError(f"{self.path}: no driving network: {fault}")
 
 
-class Driver:
+class DrivingEstimator:
     """A driving network as an estimator of kind ANGLE: it measures no lane.
 
     A recurrent network has as many memories as its stride, used in turn: each reads every ``stride``-th frame.
@@ -156,7 +156,7 @@ class Driver:
         self._memories = self._empty()
         self._last_s = math.nan
 
-    def steer(self, image: Image, t_s: float) -> Steering | None:
+    def steer(self, image: Image, t_s: float) -> NetworkOutput | None:
         """The outputs for an image (h, w, 3) uint8 BGR that was taken at ``t_s``; None where they are not finite.
 
         The memory of a recurrent network ends with an output that is not finite, and with a time between images
@@ -198,7 +198,7 @@ class Driver:
             ahead_sigma_m=self._ahead_sigma_m(steering),
         )
 
-    def _ahead_sigma_m(self, steering: Steering) -> tuple[float, ...]:
+    def _ahead_sigma_m(self, steering: NetworkOutput) -> tuple[float, ...]:
         """Deviation of the arc, from σ_κ = σ_δ/(L·cos²δ), because κ = tan(δ)/L."""
         slope_1pm = 1.0 / (self._vehicle.wheelbase_m * math.cos(steering.road_wheel_rad) ** 2)
         return ahead_sigma_m(

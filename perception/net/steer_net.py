@@ -87,7 +87,7 @@ class Outputs(NamedTuple):
     unlike: NDArray[np.float32]  # (n,): distance from the images of training, 0 to 1
 
 
-class Record(WeightsRecord):
+class SteerNetRecord(WeightsRecord):
     """``steer_net.json``: provenance, calibration and scores of the weights in the same folder."""
 
     camera: Camera  # the canonical camera
@@ -109,7 +109,7 @@ def misfit(settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> str:
     weights = resource(Path(settings.weights))
     if not weights.is_file():
         return ""  # the constructor reports it
-    record = load_record(weights, Record)
+    record = load_record(weights, SteerNetRecord)
     low_m, high_m = record.lane_width_m
     seen_m = vehicle.lane_width_m * record.camera.height_m / camera.height_m
     if low_m <= vehicle.lane_width_m <= high_m and low_m <= seen_m <= high_m:
@@ -165,7 +165,7 @@ class SteerNet:
         self._vehicle = vehicle
         self._assumed = assumed
         self._network = Network(weights)
-        self._record = load_record(weights, Record)
+        self._record = load_record(weights, SteerNetRecord)
         self._view = CanonicalView(camera, self._record.camera)
         self._shape = (camera.height_px, camera.width_px, 3)
         grey = self._view.image(np.full(self._shape, 128, np.uint8))[None]

@@ -1,6 +1,6 @@
 """The lane in pictures of masks from a camera without a camera file."""
 
-from perception.camera.odometry import Odometry
+from perception.camera.odometry import StateOdometry
 from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
 from perception.lane.settings import LaneCvSettings
 from perception.lane.which_lane import WhichLane
@@ -37,7 +37,7 @@ class LaneOfPictures:
             camera = self_calibrated(self._pictures, self._settings.self_calibration)
             if self._finder is None or _differs(camera, self.camera):
                 self.camera = camera
-                self._finder = WhichLane(self._settings, camera, self._vehicle, Odometry.NONE)
+                self._finder = WhichLane(self._settings, camera, self._vehicle, StateOdometry.NONE)
         return self._finder
 
 

@@ -12,23 +12,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.lane.model.prediction import Motion as VehicleMotion
+from perception.lane.model.prediction import VehicleMotion
 from perception.lane.settings import steering_settings
 from perception.lane.view import as_bgr, unusable
 from perception.techniques.image.picture import (
     Boundaries,
     Boundary,
     Evidence,
+    FeatureKind,
     Features,
-    Kind,
+    FrameMotion,
+    GroundView,
     MeasuredLane,
-    Motion,
     Region,
-    View,
     camera_view,
     moved,
 )
-from perception.techniques.recipe import Recipe, Stage
+from perception.techniques.recipe import PipelineRecipe, Stage
 from perception.techniques.steering.lane import pursuit
 from perception.techniques.steering.rule import RuleAngle
 from trepid.car.camera import Camera
@@ -43,7 +43,7 @@ ON_M, WIDE_M, CLEAR_TO_M = 0.3, 3.0, 20.0  # half width of a boundary; of the se
 MURKY, CLEAR = 0.45, 0.85  # shares of the features on the boundaries; white noise reaches 0.2 to 0.3
 
 
-def lane_score(boundaries: Boundaries, measured: MeasuredLane, recipe: Recipe) -> float:
+def lane_score(boundaries: Boundaries, measured: MeasuredLane, recipe: PipelineRecipe) -> float:
     """0..1: support × small residual × plausible width × a lane that contains the vehicle, now and ahead."""
     sides = [side for side, _ in boundaries.found]
     support = math.prod(side.support for side in sides) ** (1 / len(sides))
@@ -64,7 +64,7 @@ def clarity(evidence: Evidence, boundaries: Boundaries) -> float:
     With the shares of line features up to ``CLEAR_TO_M`` ahead that lie on the boundaries, a, and between them or
     on the lane side of a single one, b: a/(a + b), scaled from ``MURKY`` (0) to ``CLEAR`` (1). 1 for regions.
     """
-    if evidence.features.kind is not Kind.LINE or not boundaries.seen:
+    if evidence.features.kind is not FeatureKind.LINE or not boundaries.seen:
         return 1.0
     rows, columns = np.nonzero(evidence.features.response)
     x_m, y_m = evidence.view.ground(np.column_stack([columns, rows])).T
@@ -90,7 +90,7 @@ MAX_GAP_S = 1.0  # longest time between frames over which boundaries are predict
 class Pipeline:
     """The estimator that a recipe describes. Its state is the last boundaries and the memory of its stages."""
 
-    def __init__(self, recipe: Recipe, camera: Camera, vehicle: Vehicle) -> None:
+    def __init__(self, recipe: PipelineRecipe, camera: Camera, vehicle: Vehicle) -> None:
         self._recipe, self._camera, self._vehicle = recipe, camera, vehicle
         self._before = [(stage.kind, stage.bound()) for stage in recipe.of("prepare", "warp", "region")]
         self._features = _bound(recipe.of("features"))
@@ -129,7 +129,7 @@ class Pipeline:
             return self._angle_estimate(frame.t_s, boundaries, self._rule(boundaries, view, motion.dt_s))
         return self._lane_estimate(frame.t_s, boundaries, measured)
 
-    def _working(self, image: NDArray[np.uint8]) -> tuple[Image, View]:
+    def _working(self, image: NDArray[np.uint8]) -> tuple[Image, GroundView]:
         """The BGR image at working size, without lens distortion, and its view."""
         height_px, width_px = image.shape[:2]
         if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
@@ -143,17 +143,17 @@ class Pipeline:
             view = view.resized(*size)
         return picture, view
 
-    def _motion(self, t_s: float, state: VehicleState | None) -> Motion:
+    def _motion(self, t_s: float, state: VehicleState | None) -> FrameMotion:
         """The motion since the last frame. A jump in time clears all memory."""
         dt_s = t_s - self._last_t_s
         if not 0 <= dt_s <= MAX_GAP_S:  # NaN: the first frame
             self._last, self._score, dt_s = None, 0.0, 0.0
             self._track = _bound(self._recipe.of("track"))
             self._rule = next(iter(_bound(self._recipe.of("rule"))), None)
-        return Motion(dt_s, *VehicleMotion.of(state))
+        return FrameMotion(dt_s, *VehicleMotion.of(state))
 
     def _evidence(
-        self, picture: Image, view: View, predicted: Boundaries | None, speed_mps: float | None
+        self, picture: Image, view: GroundView, predicted: Boundaries | None, speed_mps: float | None
     ) -> Evidence:
         """The features of the prepared picture without outliers."""
         mask: Mask | None = None
@@ -227,7 +227,9 @@ def _bound(stages: tuple[Stage, ...]) -> list[Callable[..., Any]]:
     return [stage.bound() for stage in stages]
 
 
-def _within(region: Region, picture: Image, view: View, mask: Mask | None) -> tuple[Image, View, Mask | None]:
+def _within(
+    region: Region, picture: Image, view: GroundView, mask: Mask | None
+) -> tuple[Image, GroundView, Mask | None]:
     """Picture, view and mask cut to the region; masks of several regions are joined by "and"."""
     rows, columns = region.box.rows, region.box.columns
     inner = region.mask[rows, columns] if region.mask is not None else None

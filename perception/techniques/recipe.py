@@ -54,7 +54,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Recipe:
+class PipelineRecipe:
     """A pipeline with its description, its source and its stages."""
 
     name: str
@@ -76,23 +76,23 @@ class Recipe:
         return tuple(stage for stage in self.stages if stage.kind in kinds)
 
 
-def recipes(path: Path = PIPELINES) -> dict[str, Recipe]:
+def recipes(path: Path = PIPELINES) -> dict[str, PipelineRecipe]:
     """All pipelines of the file by name. Raises InputError with file:line:column."""
     return _recipes(path, *texts(path))
 
 
 @lru_cache(maxsize=8)  # by content, as trepid.config: reading YAML is slow
-def _recipes(path: Path, *_: str) -> dict[str, Recipe]:
+def _recipes(path: Path, *_: str) -> dict[str, PipelineRecipe]:
     data = read(path)
     return {str(name): _recipe(str(name), data, path) for name in data}
 
 
-def _recipe(name: str, data: CommentedMap, path: Path) -> Recipe:
+def _recipe(name: str, data: CommentedMap, path: Path) -> PipelineRecipe:
     if not isinstance(data[name], CommentedMap):
         raise InputError(located([name], "expected source, description and stages", data, path))
     written = parse(data[name], Written, source=path)
     stages = tuple(_stage(name, number, data, path) for number in range(len(written.stages)))
-    recipe = Recipe(**{**dict(written), "name": name, "stages": stages})
+    recipe = PipelineRecipe(**{**dict(written), "name": name, "stages": stages})
     problem = _misfit(recipe)
     if problem:
         raise InputError(located([name, "stages", *problem[0]], problem[1], data, path))
@@ -131,7 +131,7 @@ def settings_of(entry: Callable[..., Any]) -> type[Settings]:
     return create_model(entry.__name__, __base__=Settings, **fields)
 
 
-def _misfit(recipe: Recipe) -> tuple[list[int], str] | None:
+def _misfit(recipe: PipelineRecipe) -> tuple[list[int], str] | None:
     """The place below ``stages`` and the text of an error in the order or number of stages; None without one."""
     kinds = [stage.kind for stage in recipe.stages]
     for number, (before, after) in enumerate(pairwise(kinds), start=1):

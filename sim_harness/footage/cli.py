@@ -14,8 +14,8 @@ from perception.api import brings_camera
 from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
 from perception.estimators import entry_of, lane_cv_settings
 from perception.images.sources import RECORDING_SUFFIX, Source, Still, settings_of, sources
-from sim_harness.footage.clip import Drive, load_drive
-from sim_harness.footage.reprojection import Reprojection, Shift
+from sim_harness.footage.clip import ClipFrames, load_drive
+from sim_harness.footage.reprojection import PoseChange, Reprojection
 from sim_harness.footage.resimulation import SUPERVISED, Resimulation, resimulate
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -106,13 +106,13 @@ def resimulate_verb(
 
 
 def _runs(
-    drive: Drive, starts: tuple[tuple[float, float], ...], estimators: tuple[str, ...], *, assumed: bool
+    drive: ClipFrames, starts: tuple[tuple[float, float], ...], estimators: tuple[str, ...], *, assumed: bool
 ) -> Iterator[dict[str, Any]]:
     """The run without a shift, then those of ``starts``, compared with it."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     unshifted: Resimulation | None = None
     for left_m, heading_deg in ((0.0, 0.0), *starts):
-        start = Shift(left_m=left_m, yaw_rad=math.radians(heading_deg))
+        start = PoseChange(left_m=left_m, yaw_rad=math.radians(heading_deg))
         run = resimulate(drive, vehicle, start=start, estimators=estimators, assumed=assumed)
         unshifted = unshifted or run
         returned_s = run.return_s(unshifted)
@@ -130,13 +130,13 @@ def assumed_camera(source: Source) -> Camera:
     return self_calibrated(images, lane_cv_settings().self_calibration)
 
 
-def _draw(drive: Drive, path: Path) -> None:
+def _draw(drive: ClipFrames, path: Path) -> None:
     """Draw the middle frame 0.5 m left, as recorded, 0.5 m right; 2 degrees left, 1 m left, 2 degrees right."""
     reprojection, frame = Reprojection(drive.camera), drive.frames[len(drive.frames) // 2]
     turn = math.radians(2.0)
     shifts = [
-        [Shift(left_m=0.5), Shift(), Shift(left_m=-0.5)],
-        [Shift(yaw_rad=turn), Shift(left_m=1.0), Shift(yaw_rad=-turn)],
+        [PoseChange(left_m=0.5), PoseChange(), PoseChange(left_m=-0.5)],
+        [PoseChange(yaw_rad=turn), PoseChange(left_m=1.0), PoseChange(yaw_rad=-turn)],
     ]
     rows = [np.hstack([reprojection.view(frame, shift)[0] for shift in row]) for row in shifts]
     sheet = np.vstack(rows)

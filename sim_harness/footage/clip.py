@@ -34,7 +34,7 @@ CRAWL_MPS = 0.01  # so that every frame has a time of its own, also at standstil
 
 
 @dataclass(frozen=True)
-class Drive:
+class ClipFrames:
     """n frames in order."""
 
     name: str
@@ -78,7 +78,7 @@ def load_drive(
     scale: float = 1.0,
     skip: int = 0,
     most: int | None = None,
-) -> Drive:
+) -> ClipFrames:
     """The frames of a video, a recording or a folder (25 frames/s) from number ``skip`` on.
 
     At most ``most`` are read. The speed is ``speed_mps``, or that of ``log`` (see read_log) times ``scale``, for a
@@ -112,7 +112,7 @@ def load_drive(
             stations_m = cumulative_trapezoid(np.maximum(speeds, CRAWL_MPS), t_s, initial=0.0)
             t_s, speeds = stations_m / speed_mps, np.full(len(images), speed_mps)
     frames = [undistorted(image, camera) for image in images]
-    return Drive(path.name, frames, t_s, speeds, camera.model_copy(update={"distortion": ()}))
+    return ClipFrames(path.name, frames, t_s, speeds, camera.model_copy(update={"distortion": ()}))
 
 
 def recorded_speeds(path: Path, t_s: Array) -> Array:

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 import supervisor.supervisor
-from perception.camera.odometry import Odometry
+from perception.camera.odometry import StateOdometry
 from perception.estimators import ESTIMATORS, build_beside
 from perception.images.outline import outlined
 from perception.lead.finder import LeadFinder
@@ -39,7 +39,7 @@ STANDING_MPS = 0.1  # below, the yaw rate is 0
 class StateOf(Protocol):
     """The state of the vehicle at the capture of a frame."""
 
-    odometry: Odometry
+    odometry: StateOdometry
 
     def __call__(self, frame: Frame) -> VehicleState:
         """The state at ``frame``."""
@@ -99,7 +99,7 @@ class Onlooker:
 class Recorded:
     """The recorded state at a frame: the newest one up to its capture."""
 
-    odometry = Odometry.WAY_AND_TURN
+    odometry = StateOdometry.WAY_AND_TURN
 
     def __init__(self, states: Sequence[VehicleState]) -> None:
         """At least one of ``states``, in order of time."""
@@ -126,8 +126,8 @@ class Given:
 
         ``logged``: the speed is measured, and so is a yaw rate that is given.
         """
-        measured = Odometry.WAY if yaw_radps_at is None else Odometry.WAY_AND_TURN
-        self.odometry = measured if logged else Odometry.NONE
+        measured = StateOdometry.WAY if yaw_radps_at is None else StateOdometry.WAY_AND_TURN
+        self.odometry = measured if logged else StateOdometry.NONE
         width_px = min(camera.width_px, YAW_WIDTH_PX)
         self._camera = camera.resized(width_px, round(camera.height_px * width_px / camera.width_px))
         self._vehicle, self._speed_mps_at, self._yaw_radps_at = vehicle, speed_mps_at, yaw_radps_at

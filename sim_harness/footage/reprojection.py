@@ -21,7 +21,7 @@ NO_SHIFT_M, NO_SHIFT_RAD = 1e-9, 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Shift:
+class PoseChange:
     """The pose of the new vehicle in the frame of the recorded one (ISO 8855, at the rear axle)."""
 
     ahead_m: float = 0.0
@@ -42,18 +42,18 @@ class Reprojection:
         self.camera = camera
         self._first_ground_row = int(np.clip(math.floor(camera.horizon_row_px) + 1, 0, camera.height_px))
 
-    def ground_matrix(self, shift: Shift) -> Array:
+    def ground_matrix(self, shift: PoseChange) -> Array:
         """Homography from pixels of the new view to pixels of the recorded one, for points of the road."""
         pixel_from_road = self.camera.pixel_from_road_matrix
         return np.asarray(pixel_from_road @ shift.road_from_road @ np.linalg.inv(pixel_from_road))
 
-    def sky_matrix(self, shift: Shift) -> Array:
+    def sky_matrix(self, shift: PoseChange) -> Array:
         """The same for points that are infinitely far away: K·R·K⁻¹."""
         optical, intrinsics = self.camera.optical_from_vehicle, self.camera.intrinsics
-        turn = Shift(yaw_rad=shift.yaw_rad).road_from_road
+        turn = PoseChange(yaw_rad=shift.yaw_rad).road_from_road
         return np.asarray(intrinsics @ optical @ turn @ optical.T @ np.linalg.inv(intrinsics))
 
-    def view(self, image: Image, shift: Shift) -> tuple[Image, float]:
+    def view(self, image: Image, shift: PoseChange) -> tuple[Image, float]:
         """The new view of the recorded ``image``, and the share of its pixels outside the recorded image."""
         if max(abs(shift.ahead_m), abs(shift.left_m)) < NO_SHIFT_M and abs(shift.yaw_rad) < NO_SHIFT_RAD:
             return image, 0.0
@@ -62,7 +62,7 @@ class Reprojection:
         covered = self._warped(mask, shift, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT)
         return seen, float(np.mean(covered == 0))
 
-    def _warped(self, image: Image, shift: Shift, flags: int, border: int) -> Image:
+    def _warped(self, image: Image, shift: PoseChange, flags: int, border: int) -> Image:
         """Sky above the horizon, which is level because the camera has no roll, and ground below it."""
         height, width = image.shape[:2]
         split = self._first_ground_row

@@ -22,11 +22,11 @@ import controller.controller
 import controller.limiter
 import supervisor.supervisor
 from drive.tally import autonomy_percent
-from perception.camera.odometry import Odometry
+from perception.camera.odometry import StateOdometry
 from perception.estimators import Estimator, build_beside
 from perception.sight.judge import build as build_judge
-from sim_harness.footage.clip import Drive
-from sim_harness.footage.reprojection import Reprojection, Shift
+from sim_harness.footage.clip import ClipFrames
+from sim_harness.footage.reprojection import PoseChange, Reprojection
 from sim_harness.lockstep.stack import Perception, Stack
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
@@ -107,10 +107,10 @@ class Resimulation:
 
 
 def resimulate(
-    drive: Drive,
+    drive: ClipFrames,
     vehicle: Vehicle,
     *,
-    start: Shift,
+    start: PoseChange,
     estimators: Sequence[str] = SUPERVISED,
     assumed: bool = False,
     run_up_s: float = RUN_UP_S,
@@ -126,7 +126,7 @@ def resimulate(
             f" {run_up_s + LEAST_S:.1f} s expected, with a run-up of {run_up_s:.1f} s"
         )
     # Odometry would measure another camera than that of the simulated world, which is that of the drive.
-    built = build_beside(estimators, drive.camera, vehicle, assumed=assumed, odometry=Odometry.NONE)
+    built = build_beside(estimators, drive.camera, vehicle, assumed=assumed, odometry=StateOdometry.NONE)
     return _Loop(drive, vehicle, start, built, run_up_s, assumed).run()
 
 
@@ -135,9 +135,9 @@ class _Loop:
 
     def __init__(
         self,
-        drive: Drive,
+        drive: ClipFrames,
         vehicle: Vehicle,
-        start: Shift,
+        start: PoseChange,
         estimators: Mapping[str, Estimator],
         run_up_s: float,
         assumed: bool,
@@ -196,7 +196,7 @@ class _Loop:
         turned_rad = float(np.interp(now_s, drive.t_s, self._yaws_rad) - self._yaws_rad[number])
         if ahead_m < SAME_STATION_M:
             ahead_m = turned_rad = 0.0
-        shift = Shift(
+        shift = PoseChange(
             ahead_m - beside.y_m * math.sin(turned_rad),
             ahead_m * turned_rad / 2 + beside.y_m * math.cos(turned_rad),
             turned_rad + beside.yaw_rad,

@@ -12,14 +12,14 @@ from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.people import Figure
 from sim_harness.world.render.scene.vehicles import Body
-from sim_harness.world.render.scene.view import STILL, Motion
+from sim_harness.world.render.scene.view import STILL, ShutterMotion
 from sim_harness.world.sight_truth import SightDistance, SightTruth
 from trepid.messages import Frame, SimTruth
 from trepid.types import Image
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class FrameWithTruth:
     """A frame and the truth at its capture."""
 
     truth: SimTruth  # at the capture; also of a frozen or a black frame
@@ -40,14 +40,14 @@ class SimulatedCamera:
         self.renderer, self._sight_truth = renderer, sight_truth
         """What draws the images."""
         self._last: Image | None = None
-        self._underway: list[tuple[float, Shot]] = []  # time of arrival
+        self._underway: list[tuple[float, FrameWithTruth]] = []  # time of arrival
 
     def step(self, truth: SimTruth, *, now_s: float) -> Frame | None:
         """The frame of :meth:`shoot`."""
         shot = self.shoot(truth, now_s=now_s)
         return shot.frame if shot else None
 
-    def shoot(self, truth: SimTruth, *, now_s: float) -> Shot | None:
+    def shoot(self, truth: SimTruth, *, now_s: float) -> FrameWithTruth | None:
         """The newest shot that has arrived by ``now_s``: that of ``truth``, or None while frames are late."""
         elapsed_s = truth.elapsed_s
         faults = [] if elapsed_s is None else [f for f in self._faults if f.active(elapsed_s)]
@@ -55,7 +55,7 @@ class SimulatedCamera:
         if self.renderer is not None:
             frame = Frame(t_s=truth.t_s, image=self._image(self.renderer, truth, faults))
         delay_s = sum(fault.delay_s for fault in faults if isinstance(fault, LateFrames))
-        self._underway.append((now_s + delay_s, Shot(truth, frame, self._sight(truth))))
+        self._underway.append((now_s + delay_s, FrameWithTruth(truth, frame, self._sight(truth))))
         arrived = [shot for due_s, shot in self._underway if due_s <= now_s + 1e-9]
         self._underway = [(due_s, shot) for due_s, shot in self._underway if due_s > now_s + 1e-9]
         return max(arrived, key=lambda shot: shot.truth.t_s, default=None)
@@ -105,8 +105,8 @@ def _way_m(pose: Pose) -> float:
     return x_m * math.cos(yaw_rad) + y_m * math.sin(yaw_rad)
 
 
-def own_motion(truth: SimTruth) -> Motion:
+def own_motion(truth: SimTruth) -> ShutterMotion:
     """The motion of the camera; STILL without speed and yaw rate."""
     if truth.speed_mps is None or truth.yaw_rate_radps is None:
         return STILL
-    return Motion(truth.speed_mps, truth.yaw_rate_radps)
+    return ShutterMotion(truth.speed_mps, truth.yaw_rate_radps)

@@ -27,7 +27,7 @@ from perception.sight.judge import ImageJudge
 from sim_harness.judging.conditions.expect import is_driven, judge
 from sim_harness.judging.metrics import Metrics, measure, measure_further
 from sim_harness.judging.trace import Recorder, Trace
-from sim_harness.lockstep.camera import Shot, SimulatedCamera
+from sim_harness.lockstep.camera import FrameWithTruth, SimulatedCamera
 from sim_harness.lockstep.lead_model import LeadModel, build_lead_model
 from sim_harness.lockstep.oracle import Oracle, clear_view
 from sim_harness.lockstep.road_user_sensor import RoadUserSensor, build_road_user_sensor
@@ -288,7 +288,9 @@ class ClosedLoop:
         """What the car waits for by the newest decision; "" while it may drive."""
         return self._stack.decision.waits_for if self._stack.decision is not None else ""
 
-    def _instant(self, now_s: float, truth: SimTruth, state: VehicleState, shot: Shot | None) -> Instant:
+    def _instant(
+        self, now_s: float, truth: SimTruth, state: VehicleState, shot: FrameWithTruth | None
+    ) -> Instant:
         stack = self._stack
         return Instant(
             now_s=now_s,
@@ -304,7 +306,9 @@ class ClosedLoop:
             command=stack.command,
         )
 
-    def _perceive(self, shot: Shot, state: VehicleState, lost: Set[str], now_s: float) -> Perception:
+    def _perceive(
+        self, shot: FrameWithTruth, state: VehicleState, lost: Set[str], now_s: float
+    ) -> Perception:
         """The results of the perception processes that run, for ``shot``."""
         parts, frame = self._parts, shot.frame
         if frame is not None:
@@ -326,7 +330,7 @@ class ClosedLoop:
         lane = next(iter(self._stack.estimates.values()), None)
         return self._parts.judge.step(frame, lane, state, now_s=now_s)
 
-    def _find_lead(self, shot: Shot, state: VehicleState, now_s: float) -> LeadVehicle | None:
+    def _find_lead(self, shot: FrameWithTruth, state: VehicleState, now_s: float) -> LeadVehicle | None:
         """The vehicle ahead; the detector uses the lanes of earlier frames, as a process of its own does."""
         match self._parts.lead:
             case LeadFinder() as finder:
@@ -340,7 +344,7 @@ class ClosedLoop:
                 return model.step(self._parts.vehicle.sense_lead(), within_m=within_m)
         return self._parts.vehicle.sense_lead()
 
-    def _find_road_users(self, shot: Shot, lost: Set[str]) -> RoadUsers | None:
+    def _find_road_users(self, shot: FrameWithTruth, lost: Set[str]) -> RoadUsers | None:
         """The people, cyclists and animals; those of the detector are of its last frame, that of the lead."""
         parts = self._parts
         if parts.road_user_sensor is not None:

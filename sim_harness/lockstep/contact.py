@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class Outline:
     """The outline of a vehicle; x is counted from its rear axle."""
 
     x_m: float
@@ -30,7 +30,7 @@ class Box:
         return [self.at(x, y) for x in (self.rear_m, self.front_m) for y in (-half_m, half_m)]
 
 
-def separation_m(a: Box, b: Box) -> float:
+def separation_m(a: Outline, b: Outline) -> float:
     """The widest gap [m] between two boxes across any of their sides; ≤ 0 if and only if they touch.
 
     Two convex shapes are apart if and only if a line along a side of one of them separates them (separating

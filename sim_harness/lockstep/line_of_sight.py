@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from sim_harness.lockstep.contact import Box, along_and_across
+from sim_harness.lockstep.contact import Outline, along_and_across
 
 ACROSS = (-0.4, -0.2, 0.0, 0.2, 0.4)  # places of the tested points, in widths of the body
 UP = (0.1, 0.3, 0.5, 0.7, 0.9)  # in heights of the body
@@ -12,7 +12,7 @@ UP = (0.1, 0.3, 0.5, 0.7, 0.9)  # in heights of the body
 class Solid(NamedTuple):
     """An upright box on the ground."""
 
-    box: Box
+    box: Outline
     height_m: float
 
 

@@ -43,7 +43,7 @@ class RoadUserModelSettings(Settings):
 
 
 @dataclass(slots=True)
-class _Track:
+class _UserErrors:
     """The state of the errors for one road user."""
 
     errors: Array  # foot, side, and the two axes of the velocity
@@ -59,7 +59,7 @@ class RoadUserModel:
     def __init__(self, settings: RoadUserModelSettings, camera: Camera, *, seed: int) -> None:
         self._settings, self._camera = settings, camera
         self._rng = np.random.default_rng((seed, 31))
-        self._tracks: dict[int, _Track] = {}
+        self._tracks: dict[int, _UserErrors] = {}
         self._t_s: float | None = None
 
     def step(self, truth: RoadUsers, numbers: tuple[int, ...]) -> RoadUsers:
@@ -73,7 +73,7 @@ class RoadUserModel:
         for place, number in enumerate(numbers):
             track = self._tracks.get(number)
             if track is None:
-                track = self._tracks[number] = _Track(self._rng.standard_normal(4))
+                track = self._tracks[number] = _UserErrors(self._rng.standard_normal(4))
             fresh = self._rng.standard_normal(4)
             track.errors = kept * track.errors + math.sqrt(1 - kept**2) * fresh
             item = self._detected(truth, place, track, dt_s, float(self._rng.random()))
@@ -91,7 +91,7 @@ class RoadUserModel:
         )
 
     def _detected(
-        self, truth: RoadUsers, place: int, track: _Track, dt_s: float, chance: float
+        self, truth: RoadUsers, place: int, track: _UserErrors, dt_s: float, chance: float
     ) -> tuple[str, float, float, float, float] | None:
         """Kind, ground point and velocity as the detector reports them; None without a report."""
         s, camera = self._settings, self._camera
@@ -120,7 +120,7 @@ class RoadUserModel:
         x_mps, y_mps = noisy if known else (math.nan, math.nan)
         return truth.kinds[place], x_m, y_m, x_mps, y_mps
 
-    def _lose_or_find(self, track: _Track, seen: float, dt_s: float, chance: float) -> None:
+    def _lose_or_find(self, track: _UserErrors, seen: float, dt_s: float, chance: float) -> None:
         """Lose or find the road user again: a Markov chain that is right for the share ``seen`` of the time."""
         seen = min(max(seen, 1e-3), 1 - 1e-6)
         found_1ps = 1 / self._settings.lost_for_s

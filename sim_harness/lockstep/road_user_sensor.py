@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from sim_harness.lockstep.contact import Box
+from sim_harness.lockstep.contact import Outline
 from sim_harness.lockstep.line_of_sight import Solid, seen_share
 from sim_harness.lockstep.road_user_model import RoadUserModel, build_road_user_model
 from sim_harness.lockstep.road_users import Walker
@@ -48,7 +48,7 @@ class RoadUserSensor:
 
     def _visible(
         self,
-        ego: Box,
+        ego: Outline,
         walkers: Sequence[Walker],
         vehicle: SimulatedVehicle,
         lines: SightLines,
@@ -80,7 +80,7 @@ class RoadUserSensor:
         return lines.are_free(eye, spot)
 
 
-def _measured(ego: Box, walkers: Sequence[Walker], *, t_s: float) -> RoadUsers:
+def _measured(ego: Outline, walkers: Sequence[Walker], *, t_s: float) -> RoadUsers:
     """The exact places and velocities of ``walkers`` in the axes of the vehicle."""
     places = [ego.seen(*walker.pose[:2]) for walker in walkers]
     courses = [(walker.speed_mps, walker.pose[2] - ego.yaw_rad) for walker in walkers]

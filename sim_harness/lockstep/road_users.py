@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sim_harness.lockstep.contact import Box, separation_m
+from sim_harness.lockstep.contact import Outline, separation_m
 from sim_harness.lockstep.traffic import driven, lane_centre_m
 from sim_harness.scenarios.road_users import ChangePace, Cross, RoadUser, UserPhase
 from sim_harness.world.roads.road import Road
@@ -38,10 +38,10 @@ class Walker:
         self._approach(elapsed_s)
 
     @property
-    def box(self) -> Box:
+    def box(self) -> Outline:
         """The outline on the ground."""
         half_m = self.figure.length_m / 2
-        return Box(*self.pose, -half_m, half_m, self.figure.width_m)
+        return Outline(*self.pose, -half_m, half_m, self.figure.width_m)
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -145,6 +145,6 @@ class RoadUsersAround:
         return Places(x_m, y_m, yaw_rad, speeds_mps, manoeuvres)
 
 
-def nearest_gap_m(ego: Box, walkers: Sequence[Walker]) -> float | None:
+def nearest_gap_m(ego: Outline, walkers: Sequence[Walker]) -> float | None:
     """The least separation of the ego vehicle from a road user, 0 in contact; None without any."""
     return min((max(separation_m(ego, walker.box), 0.0) for walker in walkers), default=None)

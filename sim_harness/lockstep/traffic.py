@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sim_harness.lockstep.contact import Box
+from sim_harness.lockstep.contact import Outline
 from sim_harness.lockstep.referee import foot_point
 from sim_harness.scenarios.traffic import ChangeLane, ChangeSpeed, Phase, TrafficVehicle, TurnOff
 from sim_harness.world.roads.lanes import RoadLane
@@ -49,10 +49,10 @@ class Actor:
         self._short: float | None = None  # distance to the next phase's trigger at its first check
 
     @property
-    def box(self) -> Box:
+    def box(self) -> Outline:
         """The outline on the ground."""
         x_m, y_m, yaw_rad = self.pose
-        return Box(x_m, y_m, yaw_rad, self.body.rear_m, self.body.front_m, self.body.width_m)
+        return Outline(x_m, y_m, yaw_rad, self.body.rear_m, self.body.front_m, self.body.width_m)
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -210,7 +210,7 @@ class Traffic:
         return nearest
 
     def measured_lead(
-        self, ego: Box, *, nose_m: float, range_m: float, height_m: float, t_s: float
+        self, ego: Outline, *, nose_m: float, range_m: float, height_m: float, t_s: float
     ) -> LeadVehicle | None:
         """The nearest vehicle in the lane, as an exact range sensor on the front bumper measures it.
 

@@ -8,7 +8,7 @@ import math
 from dataclasses import replace
 
 from controller.limiter import Limiter
-from sim_harness.lockstep.contact import Box, separation_m
+from sim_harness.lockstep.contact import Outline, separation_m
 from sim_harness.lockstep.referee import Place, Referee, locate
 from sim_harness.lockstep.road_users import RoadUsersAround, Walker
 from sim_harness.lockstep.run_up import driven, rail
@@ -181,10 +181,12 @@ class SimulatedVehicle:
                 self._pose = replace(self._pose, speed_mps=speed_mps)
 
     @property
-    def box(self) -> Box:
+    def box(self) -> Outline:
         """The outline of the car on the ground."""
         pose, vehicle = self._pose, self._vehicle
-        return Box(pose.x_m, pose.y_m, pose.yaw_rad, -vehicle.rear_overhang_m, self.nose_m, vehicle.track_m)
+        return Outline(
+            pose.x_m, pose.y_m, pose.yaw_rad, -vehicle.rear_overhang_m, self.nose_m, vehicle.track_m
+        )
 
     def _first(self) -> tuple[PlantState, Place]:
         """The first pose: at rest at the start, or rolling towards it."""

@@ -13,7 +13,7 @@ from rich.table import Table
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.disturbance_table import load_table
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
@@ -33,7 +33,7 @@ STATIONS_M = {
 GAP_M = 16.0  # to the vehicle ahead
 MOUTH_M = 20.0  # to the end of the tunnel
 SUN_LEFT_RAD = 0.15
-MOTION = Motion(speed_mps=8.0, yaw_rate_radps=0.5)
+MOTION = ShutterMotion(speed_mps=8.0, yaw_rate_radps=0.5)
 TILE_PX = (220, 165)
 LABEL_PX = 118
 

@@ -22,7 +22,7 @@ SMALL_PX, SMALL_QUALITY = (320, 240), 60  # of the frames under the cursor
 
 
 @dataclass(slots=True)
-class Shot:
+class FilmFrame:
     """A frame as JPEG with its estimates."""
 
     t_s: float
@@ -45,11 +45,11 @@ class Film:
     """A frame with its estimates, and a glimpse of the rest, every 0.2 s."""
 
     def __init__(self) -> None:
-        self._shots: list[Shot] = []
+        self._shots: list[FilmFrame] = []
         self.glimpses: list[Glimpse] = []
 
     @property
-    def shots(self) -> list[Shot]:
+    def shots(self) -> list[FilmFrame]:
         """The stored frames, in order."""
         return self._shots
 
@@ -73,11 +73,11 @@ class Film:
         """Store ``frame`` when the interval has passed, and the estimate of ``name`` for a stored frame."""
         if not self._shots or frame.t_s >= self._shots[-1].t_s + EVERY_S - 1e-6:
             _, jpeg = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-            self._shots.append(Shot(frame.t_s, jpeg.tobytes()))
+            self._shots.append(FilmFrame(frame.t_s, jpeg.tobytes()))
         if frame.t_s == self._shots[-1].t_s:
             self._shots[-1].estimates[name] = estimate
 
-    def at(self, t_s: float) -> Shot | None:
+    def at(self, t_s: float) -> FilmFrame | None:
         """The last frame up to ``t_s``, or None."""
         index = bisect_right([shot.t_s for shot in self._shots], t_s + 1e-6)
         return self._shots[index - 1] if index else None
@@ -109,18 +109,18 @@ def run_filmed(scenario: Scenario, *, seed: int, witness: Witness | None = None)
     return run(scenario, seed=seed, parts=parts, witness=both), film
 
 
-def picture(shot: Shot) -> tuple[bytes, str]:
+def picture(shot: FilmFrame) -> tuple[bytes, str]:
     """The frame with the lane of the most confident estimator, as JPEG, and the name of the estimator."""
     return _drawn(shot, annotated, PICTURE_PX, PICTURE_QUALITY)
 
 
-def small_picture(shot: Shot) -> bytes:
+def small_picture(shot: FilmFrame) -> bytes:
     """The frame with the lane of the most confident estimator, without numbers, as a small JPEG."""
     return _drawn(shot, with_lane, SMALL_PX, SMALL_QUALITY)[0]
 
 
 def _drawn(
-    shot: Shot, draw: Callable[[Image, SteeringEstimate], Image], size: tuple[int, int], quality: int
+    shot: FilmFrame, draw: Callable[[Image, SteeringEstimate], Image], size: tuple[int, int], quality: int
 ) -> tuple[bytes, str]:
     image = cv2.imdecode(np.frombuffer(shot.jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert image is not None  # encoded by this module

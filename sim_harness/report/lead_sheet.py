@@ -14,7 +14,7 @@ from perception.lead.leads import drawn, leads_in
 from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.road import Road
@@ -37,7 +37,7 @@ ROWS: tuple[tuple[DisturbanceKind, float] | None, ...] = (
 )
 SHARE = (0.12, 0.72), (0.30, 0.75)  # of the columns and of the rows of a frame that a tile shows
 TILE_PX = (400, 225)
-MOTION = Motion(speed_mps=6.0, yaw_rate_radps=0.0)
+MOTION = ShutterMotion(speed_mps=6.0, yaw_rate_radps=0.0)
 
 
 def leads_verb(

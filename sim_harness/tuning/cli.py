@@ -23,7 +23,7 @@ from trepid.options import Car, Changes
 
 if TYPE_CHECKING:
     from sim_harness.tuning.score import Score
-    from sim_harness.tuning.study import Task
+    from sim_harness.tuning.study import StudyTask
 
 SETTINGS = CONFIG_DIR / "tune.yaml"
 
@@ -133,13 +133,13 @@ def _task(
     trials: int,
     seed: int,
     workers: int,
-) -> "Task":
+) -> "StudyTask":
     """The task of the search, after the drives without fear to which it compares."""
     from sim_harness.tuning.score import references
-    from sim_harness.tuning.study import Task
+    from sim_harness.tuning.study import StudyTask
 
     say(f"{len(seen)} reference drives without fear")
-    return Task(
+    return StudyTask(
         rules=rules.resolve(),
         parameters=parameters,
         planned=seen,
@@ -151,13 +151,13 @@ def _task(
     )
 
 
-def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
+def _tuned(task: "StudyTask", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
     from sim_harness.tuning.score import Score, both
     from sim_harness.tuning.study import SCORE, START, complete, cost, search, values_of
 
     cases = f"{len(task.planned)} cases a trial"
     say(f"study {task.name} in {task.storage}, {len(task.parameters)} numbers, {cases}")
-    trials = search(task, workers, Progress(task.trials).report)
+    trials = search(task, workers, TrialProgress(task.trials).report)
     found = complete(trials)
     start = next((trial for trial in found if START in trial.user_attrs), None)
     if start is None:
@@ -208,7 +208,7 @@ def _score_table(columns: dict[str, "Score"]) -> Table:
     return table
 
 
-class Progress:
+class TrialProgress:
     """Prints a line for each finished trial, with the time left."""
 
     def __init__(self, wanted: int) -> None:

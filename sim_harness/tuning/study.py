@@ -43,7 +43,7 @@ Tell = Callable[[list[FrozenTrial]], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
+class StudyTask:
     """The parameters of a worker; picklable."""
 
     rules: Path
@@ -80,7 +80,7 @@ def open_storage(url: str) -> BaseStorage:
         raise InputError(f"--storage {url}: cannot be used: {what}") from error
 
 
-def candidate(task: Task, values: dict[str, float], folder: Path) -> Path:
+def candidate(task: StudyTask, values: dict[str, float], folder: Path) -> Path:
     """The rule file with other values, checked. Raises Invalid."""
     path = folder / "candidate.yaml"
     path.write_text(NumberedText(task.rules).changed(values), encoding="utf-8")
@@ -93,7 +93,7 @@ def candidate(task: Task, values: dict[str, float], folder: Path) -> Path:
     return path
 
 
-def search(task: Task, workers: int, tell: Tell) -> list[FrozenTrial]:
+def search(task: StudyTask, workers: int, tell: Tell) -> list[FrozenTrial]:
     """Search until the study has its trials; returns them. An interrupt leaves finished trials in the storage."""
     study = _opened(task)
     session = os.urandom(8).hex()
@@ -130,7 +130,7 @@ def cost(trial: FrozenTrial) -> float:
     return float(trial.user_attrs[SCORE]["cost"])
 
 
-def _opened(task: Task) -> optuna.Study:
+def _opened(task: StudyTask) -> optuna.Study:
     """The study in its storage; a new study begins with the values of the file."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.create_study(study_name=task.name, storage=open_storage(task.storage), load_if_exists=True)
@@ -149,7 +149,7 @@ def _give_up(study: optuna.Study, session: str) -> None:
             study.tell(trial.number, state=TrialState.FAIL)
 
 
-def _work(task: Task, number: int, session: str) -> None:
+def _work(task: StudyTask, number: int, session: str) -> None:
     """One worker: evaluate candidates until the study is complete."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.load_study(study_name=task.name, storage=open_storage(task.storage))
@@ -164,13 +164,13 @@ def _work(task: Task, number: int, session: str) -> None:
             invalid = 0 if _evaluated(study, trial, task, Path(folder)) else invalid + 1
 
 
-def _wanted(study: optuna.Study, task: Task, session: str) -> bool:
+def _wanted(study: optuna.Study, task: StudyTask, session: str) -> bool:
     trials = study.get_trials(deepcopy=False)
     under_way = [t for t in trials if t.state == TrialState.RUNNING and t.user_attrs.get(SESSION) == session]
     return len(complete(trials)) + len(under_way) < task.trials
 
 
-def _evaluated(study: optuna.Study, trial: optuna.Trial, task: Task, folder: Path) -> bool:
+def _evaluated(study: optuna.Study, trial: optuna.Trial, task: StudyTask, folder: Path) -> bool:
     """Evaluate one candidate; False when it is invalid."""
     for name, span in task.parameters.items():
         trial.suggest_float(name, span.low, span.high)

@@ -112,7 +112,7 @@ class SightTruth:
         x_m, y_m, yaw_rad = pose
         pose, station_m = (x_m * larger, y_m * larger, yaw_rad), station_m * larger
         others = [((x * larger, y * larger, yaw), scaled_message(b, larger)) for (x, y, yaw), b in vehicles]
-        view = _View(self._road, self._camera, self._optical, station_m, pose)
+        view = _LaneView(self._road, self._camera, self._optical, station_m, pose)
         coarse = view.places(self._ahead_m)
         near = [one for one in self._standing if math.dist(one[0][:2], pose[:2]) < WITHIN_M]
         faces = np.concatenate(
@@ -132,7 +132,7 @@ class SightTruth:
         distance_m, cause = min(ends, key=lambda end: end[0])
         return SightDistance(distance_m / larger, str(cause))
 
-    def _in_the_air(self, view: "_View", coarse: Places) -> list[tuple[float, Cause]]:
+    def _in_the_air(self, view: "_LaneView", coarse: Places) -> list[tuple[float, Cause]]:
         """Where fog and where darkness end the sight."""
         grades, table = grades_at(self._disturbances, view.station_m), self._table
         weathers = ((Kind.FOG, table.fog), (Kind.RAIN, table.rain), (Kind.SNOW, table.snow))
@@ -150,7 +150,7 @@ class SightTruth:
         return ends
 
     def _dark_m(
-        self, view: "_View", coarse: Places, grades: dict[DisturbanceKind, float], extinction: float
+        self, view: "_LaneView", coarse: Places, grades: dict[DisturbanceKind, float], extinction: float
     ) -> float:
         """Where darkness, in air of this extinction, ends the sight."""
 
@@ -162,7 +162,7 @@ class SightTruth:
         return view.first(beyond, lambda places: clarity(places) < 1)
 
     def _clarity(
-        self, view: "_View", places: Places, grades: dict[DisturbanceKind, float], extinction: float
+        self, view: "_LaneView", places: Places, grades: dict[DisturbanceKind, float], extinction: float
     ) -> Array:
         """Contrast over noise of the target at ``places``, in multiples of what is needed, (n,)."""
         settings, table, camera = self._settings, self._table, self._camera
@@ -189,7 +189,7 @@ class SightTruth:
         return np.asarray(contrast / sigma / settings.noise_multiple)
 
 
-class _View:
+class _LaneView:
     """The lane ahead of one pose, seen from the lens."""
 
     def __init__(self, road: Road, camera: Camera, optical: Array, station_m: float, pose: Pose) -> None:

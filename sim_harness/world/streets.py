@@ -12,7 +12,7 @@ from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.standing import PAINTS_BGR, VAN, VANS
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.roads.appearance import Light, Marking, NeighbourLane, Paint, Section, Stroke, Verge
-from sim_harness.world.roads.drawn import NONE, Shape, random_segments
+from sim_harness.world.roads.drawn import NONE, BendShape, random_segments
 from sim_harness.world.roads.features import MarkKind, RoadMark
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 
@@ -65,7 +65,7 @@ def random_street(
             closed=False,
             lane_width_m=width_m,
             sun_azimuth_rad=float(rng.uniform(-np.pi, np.pi)),
-            segments=segments or random_segments(Shape.STRAIGHT, rng),
+            segments=segments or random_segments(BendShape.STRAIGHT, rng),
             sections=(section,),
             marks=tuple(marks),
         )

@@ -19,7 +19,7 @@ class RoadUser(NamedTuple):
     confidence: float
 
 
-class Watched(NamedTuple):
+class WatchedUsers(NamedTuple):
     """The road users at one step."""
 
     age_s: float = math.inf  # inf: no message yet, or an invalid stamp
@@ -27,7 +27,7 @@ class Watched(NamedTuple):
     detects: tuple[str, ...] = ()  # the kinds that the detector finds; the car is blind to the others
 
 
-NO_DETECTOR = Watched(users=())
+NO_DETECTOR = WatchedUsers(users=())
 """Nothing looks for people: there may be some."""
 
 
@@ -38,7 +38,7 @@ def judge_road_users(
     now_s: float,
     settings: ValidationSettings,
     malformed: bool = False,
-) -> Watched:
+) -> WatchedUsers:
     """The road users at ``now_s``. A ``message`` of None means that no detector runs.
 
     One item that is not possible makes the message broken: a person would be missing. ``malformed``: the newest
@@ -49,19 +49,19 @@ def judge_road_users(
     if message is None and not malformed:
         return NO_DETECTOR
     if message is None or malformed or age_s > settings.fresh_s:
-        return Watched(age_s)
+        return WatchedUsers(age_s)
     columns = (message.x_m, message.y_m, message.x_mps, message.y_mps, message.confidences)
     if any(len(column) != len(message.kinds) for column in columns):
-        return Watched(age_s)
+        return WatchedUsers(age_s)
     moved = (motion or STANDING).over(age_s)
     users = []
     for kind, *numbers in zip(message.kinds, *columns, strict=True):
         x_m, y_m, x_mps, y_mps, confidence = numbers
         user = RoadUser(kind, x_m, y_m, _known(x_mps), _known(y_mps), confidence)
         if not _is_possible(user, settings):
-            return Watched(age_s)
+            return WatchedUsers(age_s)
         users.append(_moved_on(user, moved, age_s))
-    return Watched(age_s, tuple(users), message.detects)
+    return WatchedUsers(age_s, tuple(users), message.detects)
 
 
 def _known(speed_mps: float) -> float | None:

@@ -15,7 +15,7 @@ from trepid.causes import Cause
 from trepid.messages import Mode
 
 
-class Moment(NamedTuple):
+class Conditions(NamedTuple):
     """The conditions of one step, without memory."""
 
     fault: Fault
@@ -62,12 +62,12 @@ def moment(
     drivable: bool,
     driver: bool,
     driven: bool,
-) -> Moment:
+) -> Conditions:
     """The conditions of the doubts, from the world, fear and its cause, late inputs, and obstacles."""
     wanted = rules.mode(fear)
     motion, last = world.motion, world.last_motion
     frameless = fault.cause == Cause.STALE_DATA and min(world.ages_s.values()) > modes.emergency_stop_age_s
-    return Moment(
+    return Conditions(
         fault=fault,
         cause=cause,
         part=part,
@@ -95,11 +95,11 @@ def is_guess(world: WorldState, modes: ModeSettings) -> bool:
     return (world.features["lane_confidence"] or 0.0) < modes.guess_confidence
 
 
-Condition = Callable[[Moment], bool]
+Condition = Callable[[Conditions], bool]
 Time = Callable[[ModeSettings, Hysteresis], float | None]
 
 
-def _never(_: Moment) -> bool:
+def _never(_: Conditions) -> bool:
     return False
 
 
@@ -120,16 +120,16 @@ class Doubt:
     timer: type[Held] | type[Patience] = Held
 
 
-def _unguided(m: Moment) -> bool:
+def _unguided(m: Conditions) -> bool:
     """The highest level of fear, no trail to follow, and no estimator more likely right than wrong."""
     return m.moving and m.wanted is Mode.STOP and not m.lead and not m.driver and m.guess
 
 
-def _ready(m: Moment) -> bool:
+def _ready(m: Conditions) -> bool:
     return m.drivable and m.standstill and not m.fault.cause
 
 
-def _handed_over(m: Moment) -> bool:
+def _handed_over(m: Conditions) -> bool:
     return m.drivable and m.fault.cause in ("", Cause.DRIVER_OVERRIDE) and (m.driver or m.driven)
 
 
@@ -249,7 +249,7 @@ class Doubts:
         self.healthy_s = 0.0
         """For how long the car has been healthy at standstill, at the last step."""
 
-    def step(self, m: Moment, hysteresis: Hysteresis, *, now_s: float) -> Situation:
+    def step(self, m: Conditions, hysteresis: Hysteresis, *, now_s: float) -> Situation:
         """The situation at ``now_s``: the moment, and the effects of the rows that have lasted for their time."""
         self.healthy_s = self._healthy.step(_ready(m), now_s=now_s)
         effects = frozenset(

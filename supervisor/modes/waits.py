@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from supervisor.inputs.validation import ValidationSettings
 from supervisor.modes.analyser import named
-from supervisor.modes.doubts import Moment
+from supervisor.modes.doubts import Conditions
 from supervisor.modes.modes import STARTING, ModeSettings, ModeState
 from supervisor.path.follow import FollowSettings
 from supervisor.path.giving_way import Way
@@ -33,7 +33,7 @@ class Bounds(NamedTuple):
     scale: float  # of the world of the car relative to that of these settings
 
 
-class View(NamedTuple):
+class StartSituation(NamedTuple):
     """The situation of one step, as far as a start depends on it."""
 
     world: WorldState
@@ -50,8 +50,8 @@ class Obstacle:
     """One row: a condition that keeps a standing car from driving, and the end of it in words."""
 
     name: str
-    holds: Callable[[View], bool]
-    waits_for: Callable[[View], str]
+    holds: Callable[[StartSituation], bool]
+    waits_for: Callable[[StartSituation], str]
 
 
 def since(age_s: float) -> str:
@@ -59,17 +59,17 @@ def since(age_s: float) -> str:
     return f"none for {age_s:.1f} s" if math.isfinite(age_s) else "none so far"
 
 
-def _awaited(v: View) -> Collection[str]:
+def _awaited(v: StartSituation) -> Collection[str]:
     """Processes that have not reported yet in a drive that is to begin."""
     return v.losses.awaited if v.losses is not None else ()
 
 
-def _invalid(v: View) -> list[str]:
+def _invalid(v: StartSituation) -> list[str]:
     """Estimators without a valid message lately."""
     return [e.estimator for e in v.world.estimates if e.confidence is None]
 
 
-def _estimates(v: View) -> str:
+def _estimates(v: StartSituation) -> str:
     invalid, ages_s = _invalid(v), v.world.ages_s
     if not ages_s:
         return "an estimator (the drive has none)"
@@ -83,32 +83,32 @@ def _estimates(v: View) -> str:
     return f"the estimate of {named}"
 
 
-def _confidences(v: View) -> str:
+def _confidences(v: StartSituation) -> str:
     seen = ", ".join(f"{e.estimator} {e.confidence or 0.0:.2f}" for e in v.world.estimates)
     return f"a lane with a confidence of at least {v.bounds.validation.min_confidence:g} (now {seen})"
 
 
-def _calm(v: View) -> str:
+def _calm(v: StartSituation) -> str:
     times = "" if v.bounds.modes.reengage_after_s is None else f"{v.bounds.modes.reengage_after_s:.1f} s of "
     return f"{times}fear of at most {v.bounds.modes.reengage_max_fear:g} (now {v.fear:.2f}: {_cause(v)})"
 
 
-def _cause(v: View) -> str:
+def _cause(v: StartSituation) -> str:
     """The cause of fear, with the measurements that are doubted."""
     return concerning(v.cause, named(v.world.doubted) if v.cause == Cause.DOUBTED_STATE else "")
 
 
-def _doubtful(v: View) -> bool:
+def _doubtful(v: StartSituation) -> bool:
     """A cause that would stop the car is active, or was that of the present stop."""
     doubted = not {v.cause, v.state.cause}.isdisjoint(v.bounds.modes.stop_after_s)
     return doubted and v.rules.mode(v.fear) is not Mode.KEEP
 
 
-def _less_doubt(v: View) -> str:
+def _less_doubt(v: StartSituation) -> str:
     return f"a level of fear with the mode KEEP (now {v.fear:.2f}: {_cause(v)})"
 
 
-def _state(v: View) -> str:
+def _state(v: StartSituation) -> str:
     """The age of the state; a fresh one that counts as missing has an impossible or no value."""
     doubt = v.world.features[DOUBT]
     if doubt is not None and doubt > 0.0:
@@ -141,7 +141,7 @@ OBSTACLES = (
 """The first row that holds gives the words. Without one, a standing car drives after ``reengage_after_s``."""
 
 
-def obstacle(view: View) -> Obstacle | None:
+def obstacle(view: StartSituation) -> Obstacle | None:
     """The first of OBSTACLES that holds."""
     return next((row for row in OBSTACLES if row.holds(view)), None)
 
@@ -150,7 +150,7 @@ class Halt(NamedTuple):
     """The mode after one step, and what holds the car in it."""
 
     state: ModeState
-    now: Moment
+    now: Conditions
     healthy_s: float  # for how long a standing car has had neither obstacle nor fault
     brake: Stop  # the stop that the car makes now
     braked_for: str  # cause of a brake without a change of mode; "" without it
@@ -159,7 +159,7 @@ class Halt(NamedTuple):
     lead_cap_mps: float  # by the gap to the vehicle ahead
 
 
-def waits_for(view: View, halt: Halt) -> str:
+def waits_for(view: StartSituation, halt: Halt) -> str:
     """What the car waits for, and what would end it; "" while it may drive."""
     if halt.state.mode is Mode.STOP:
         return _stop(view, halt)
@@ -168,7 +168,7 @@ def waits_for(view: View, halt: Halt) -> str:
     return "" if halt.cap_mps >= view.bounds.modes.standstill_mps else _bounded(view, halt)
 
 
-def _bounded(view: View, halt: Halt) -> str:
+def _bounded(view: StartSituation, halt: Halt) -> str:
     """The words about what keeps the speed at standstill."""
     way, sight, standstill_mps = view.world.way, view.world.sight, view.bounds.modes.standstill_mps
     if way.hard or way.cap_mps < standstill_mps:
@@ -188,7 +188,7 @@ def _brake(halt: Halt) -> str:
     return f"brakes for {halt.braked_for}: waits for {end}"
 
 
-def _for_a_road_user(way: Way, now: Moment, scale: float) -> str:
+def _for_a_road_user(way: Way, now: Conditions, scale: float) -> str:
     """The words about the one that limits the speed most."""
     brakes = "brakes hard" if way.hard else "waits" if now.standstill else "brakes"
     article = "an" if way.kind[:1] in "aeiou" else "a"
@@ -213,7 +213,7 @@ ENDS = {
 """Cause of a fault -> what ends it, where no obstacle says it better."""
 
 
-def _stop(view: View, halt: Halt) -> str:
+def _stop(view: StartSituation, halt: Halt) -> str:
     """The words about a stop."""
     state, standing, fault = halt.state, halt.now.standstill, halt.now.fault.cause
     part = f" {state.part}" if state.part else ""
@@ -227,7 +227,7 @@ def _stop(view: View, halt: Halt) -> str:
     return f"{head}: {_start(view, halt, fault, view.bounds.modes.reengage_after_s)}"
 
 
-def _start(view: View, halt: Halt, fault: str, after_s: float | None) -> str:
+def _start(view: StartSituation, halt: Halt, fault: str, after_s: float | None) -> str:
     """What a standing car waits for before it drives, ``after_s`` without obstacle and fault; None: never."""
     if after_s is None:
         return "final, as reengage_after_s is null; restart the drive"

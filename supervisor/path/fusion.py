@@ -75,7 +75,7 @@ class Fused(NamedTuple):
     weighted_separation_m: float  # likewise of two lateral offsets, the least over ``lasting_s``
 
 
-class View(NamedTuple):
+class WeightedLane(NamedTuple):
     """A usable lane at the common time, and its weight."""
 
     name: str
@@ -184,12 +184,12 @@ class Fusion:
 
     def _view(
         self, sighting: ValidatedEstimate, motion: Motion, t_s: float, lookahead_m: float, *, trust: float
-    ) -> View:
+    ) -> WeightedLane:
         assert sighting.lane is not None and sighting.confidence is not None
         always = self._settings.trust.get(sighting.estimator, self._settings.trust_of_others)
         confidence = trust * sighting.confidence
         lane = sighting.lane.after(motion, t_s - sighting.t_s)
-        return View(
+        return WeightedLane(
             name=sighting.estimator,
             lane=lane,
             confidence=at_least(confidence, MIN_CONFIDENCE),
@@ -208,17 +208,19 @@ class Fusion:
             return None
         return Path(t_s, path.lane.after(motion, t_s - path.t_s), path.lookahead_m, "memory", path.measured)
 
-    def _remembered(self, path: Path | None, t_s: float, lookahead_m: float) -> View | None:
+    def _remembered(self, path: Path | None, t_s: float, lookahead_m: float) -> WeightedLane | None:
         """The memory as a view, whose variance grows with its age."""
         if path is None:
             return None
         unseen_s = at_least(t_s - self._before.seen_s, 0.0)
         weight = 1 / (self._before.variance + self._settings.forgetting_per_s * unseen_s)
-        return View(
+        return WeightedLane(
             "memory", path.lane, 1.0, weight, path.lookahead_m, path.lane.y_m(lookahead_m), path.measured
         )
 
-    def _agreeing(self, views: list[View], memory: View | None, t_s: float) -> list[View]:
+    def _agreeing(
+        self, views: list[WeightedLane], memory: WeightedLane | None, t_s: float
+    ) -> list[WeightedLane]:
         """The views of one road: that of the memory, or without a memory that of the view with the greatest weight.
 
         If no view agrees with the memory: the views that agree with each other, at once; a single view only with a
@@ -236,15 +238,15 @@ class Fusion:
             return []
         return group
 
-    def _begins(self, view: View, t_s: float) -> bool:
+    def _begins(self, view: WeightedLane, t_s: float) -> bool:
         """Whether ``view`` alone may replace the remembered road."""
         sure = view.confidence >= self._settings.begin_confidence
         return sure and t_s - self._before.seen_s > self._settings.outlier_s
 
-    def _with(self, first: View, views: list[View]) -> list[View]:
+    def _with(self, first: WeightedLane, views: list[WeightedLane]) -> list[WeightedLane]:
         return [view for view in views if view is first or not self._contradict(view, first)]
 
-    def _contradict(self, a: View, b: View) -> bool:
+    def _contradict(self, a: WeightedLane, b: WeightedLane) -> bool:
         """Whether two lanes lie too far apart at the axle or at the look-ahead.
 
         The gates of a view rejected at the last frame are smaller (``rejoin_share``), so that small errors of the
@@ -256,7 +258,9 @@ class Fusion:
             here_m > share * self._settings.gate_offset_m or ahead_m > share * self._settings.gate_lookahead_m
         )
 
-    def _joined(self, group: list[View], memory: View | None, t_s: float, lookahead_m: float) -> Memory:
+    def _joined(
+        self, group: list[WeightedLane], memory: WeightedLane | None, t_s: float, lookahead_m: float
+    ) -> Memory:
         """The weighted mean of ``group``, and of the memory where it agrees.
 
         Angles bend the mean of the lanes so that its position at the look-ahead is the mean of all. Angles alone
@@ -283,12 +287,14 @@ class Fusion:
         return Memory(path, 1 / total, t_s)
 
 
-def _mean(views: list[View], total: float) -> Lane:
+def _mean(views: list[WeightedLane], total: float) -> Lane:
     """The mean lane of ``views`` by their weights, which sum to ``total``."""
     return mean_lane([view.lane for view in views], [view.weight / total for view in views])
 
 
-def _led(lane: Lane | None, weight: float, angles: list[View], lookahead_m: float) -> tuple[Lane, float]:
+def _led(
+    lane: Lane | None, weight: float, angles: list[WeightedLane], lookahead_m: float
+) -> tuple[Lane, float]:
     """``lane`` with ``weight``, bent by ``angles``, and the sum of all weights; without a lane the mean arc.
 
     With y the lateral position at the look-ahead ℓ, the share s of the angles in the weights and the curvature κ at
@@ -309,17 +315,17 @@ def information(confidence: float) -> float:
     return _NORMAL.inv_cdf((1 + bounded) / 2) ** 2
 
 
-def _apart_m(a: View, b: View) -> float:
+def _apart_m(a: WeightedLane, b: WeightedLane) -> float:
     return _here_m(a, b) + abs(a.ahead_m - b.ahead_m)
 
 
-def _here_m(a: View, b: View) -> float:
+def _here_m(a: WeightedLane, b: WeightedLane) -> float:
     """Distance of two lanes at the axle [m]; 0 where one of them is an angle, which has no offset."""
     return abs(a.lane.offset_m - b.lane.offset_m) if a.measured and b.measured else 0.0
 
 
 def _disagreement(
-    views: list[View], lookahead_m: float, settings: FusionSettings
+    views: list[WeightedLane], lookahead_m: float, settings: FusionSettings
 ) -> tuple[float | None, float, float]:
     """Greatest |Δκ_cmd| [1/m] of two views, plain and significant, and greatest significant |Δe| [m].
 

@@ -25,7 +25,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from supervisor.inputs.road_users import RoadUser, Watched
+from supervisor.inputs.road_users import RoadUser, WatchedUsers
 from supervisor.path.fusion import Path
 from trepid.bounds import at_least, at_most
 from trepid.car.vehicle import Vehicle
@@ -200,7 +200,7 @@ class GivingWay:
         self._caps: deque[tuple[float, Way]] = deque()  # rising caps of the last free_s, with their times
         self._hard = False
 
-    def step(self, watched: Watched, path: Path | None, motion: Motion | None, *, now_s: float) -> Way:
+    def step(self, watched: WatchedUsers, path: Path | None, motion: Motion | None, *, now_s: float) -> Way:
         """The way at ``now_s`` along ``path``; without one along the arc that the car drives.
 
         ``motion`` is the last known one. Where the road users are lost the last cap holds for ``free_s``; fear,

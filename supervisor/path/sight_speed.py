@@ -105,7 +105,7 @@ class StoppingWay(NamedTuple):
         return 2.0 * (free_m / (self.reaction_s + root_s))
 
 
-class Sight(NamedTuple):
+class ReliableSight(NamedTuple):
     """The sight that the car may rely on now, and the room that it leaves."""
 
     sight_m: float | None  # from the rear axle; None: not known
@@ -145,7 +145,7 @@ class SightSpeed:
         leader_m: float = math.inf,
         bend_1pm: float = 0.0,
         watches: bool = False,
-    ) -> Sight:
+    ) -> ReliableSight:
         """The sight at ``now_s``. ``statistics`` must be fresh or None, and are ``age_s`` old.
 
         ``motion`` is the last valid one, None before. ``leader_m``: the nearer end of the vehicle ahead that is
@@ -182,9 +182,9 @@ class SightSpeed:
         if watches and detector is not None:
             ended_m = sight_m if sight_m is not None and cause else math.inf
             cap_mps = at_most(self._reach_mps(detector, ended_m, bend_1pm), cap_mps)
-        return Sight(sight_m, cause, free_m, cap_mps)
+        return ReliableSight(sight_m, cause, free_m, cap_mps)
 
-    def is_too_fast(self, sight: Sight, motion: Motion | None) -> bool:
+    def is_too_fast(self, sight: ReliableSight, motion: Motion | None) -> bool:
         """Whether speed tracking can no longer stop the car within a sight that an image states.
 
         Half of the margin is left to the errors of the tracking.
@@ -193,7 +193,7 @@ class SightSpeed:
             return False
         return motion.speed_mps > self.firm.speed_mps(sight.free_m + self._settings.margin_m / 2.0)
 
-    def share(self, sight: Sight, speed_mps: float | None) -> float | None:
+    def share(self, sight: ReliableSight, speed_mps: float | None) -> float | None:
         """The free way over the comfortable stopping distance, 0 to CALM; None where the speed is not known."""
         if speed_mps is None or math.isnan(speed_mps):
             return None

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from supervisor.inputs.consistency import Consistency, WeakEdges
-from supervisor.inputs.road_users import Watched, judge_road_users
+from supervisor.inputs.road_users import WatchedUsers, judge_road_users
 from supervisor.inputs.timers import Stopwatch
 from supervisor.inputs.turning import TurnExcess
 from supervisor.inputs.validation import (
@@ -20,7 +20,7 @@ from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
 from supervisor.path.follow import Follower, Following, FollowSettings, Lead, judge_lead
 from supervisor.path.fusion import Fused, Fusion, FusionSettings, Path
 from supervisor.path.giving_way import GivingWay, GivingWaySettings, Way
-from supervisor.path.sight_speed import Sight, SightSettings, SightSpeed
+from supervisor.path.sight_speed import ReliableSight, SightSettings, SightSpeed
 from supervisor.rules.inference import FearRules
 from supervisor.situation.added import Moment, measured
 from supervisor.situation.features import BEYOND, DOUBT, Features, early_features, features
@@ -36,7 +36,7 @@ class WorldState(NamedTuple):
 
     estimates: list[ValidatedEstimate]
     ahead: Lead
-    road_users: Watched
+    road_users: WatchedUsers
     motion: Motion | None  # None: lost
     last_motion: Motion | None  # the last valid one
     state_age_s: float
@@ -47,7 +47,7 @@ class WorldState(NamedTuple):
     trail: Following  # of the vehicle ahead
     way: Way  # that road users leave to the car
     near: bool  # a vehicle ahead or a road user is too near for a comfort stop
-    sight: Sight
+    sight: ReliableSight
     sight_too_short: bool  # speed tracking cannot stop the car within the sight
     closes_in: bool  # ... nor before the vehicle ahead
     features: Features  # the inputs of the fear rules

@@ -4,11 +4,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from perception.techniques.image.picture import Boundaries, Boundary, Features, Kind, View, camera_view
+from perception.techniques.image.picture import (
+    Boundaries,
+    Boundary,
+    FeatureKind,
+    Features,
+    GroundView,
+    camera_view,
+)
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
-VIEW: View = camera_view(load(CONFIG_DIR / "camera.yaml", Camera))
+VIEW: GroundView = camera_view(load(CONFIG_DIR / "camera.yaml", Camera))
 WIDTH_M = 3.4
 Course = Callable[[np.ndarray], np.ndarray]  # y of the lane centre over x [m]
 
@@ -49,7 +56,7 @@ def features(
             beside = np.column_stack([np.zeros(10), rng.uniform(-1.0, 1.0, 10)])
             _mark(alone, line[rng.integers(len(line), size=10)] + beside)
         response |= alone
-    return Features(response, Kind.LINE)
+    return Features(response, FeatureKind.LINE)
 
 
 def _mark(response: np.ndarray, ground_m: np.ndarray) -> None:

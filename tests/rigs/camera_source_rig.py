@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from vehicle.cameras.source import Drive
+from vehicle.cameras.source import SourceContext
 
 SIZE = (64, 48)
 
@@ -52,9 +52,9 @@ def video_of(path: Path, count: int, fps: float = 10.0) -> Path:
     return path
 
 
-def drive(clock: Callable[[], float]) -> Drive:
+def drive(clock: Callable[[], float]) -> SourceContext:
     """A drive without bus."""
-    return Drive(bus=None, now_s=clock)
+    return SourceContext(bus=None, now_s=clock)
 
 
 class FakeCamera:

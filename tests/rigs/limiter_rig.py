@@ -4,7 +4,7 @@ import message_rig
 from message_rig import SHUTTLE
 
 from controller.limiter import Limiter, Limits
-from controller.limiter.inputs import Seen
+from controller.limiter.inputs import SeenState
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import VehicleState
@@ -55,7 +55,7 @@ def state(now_s=0.0, **changes) -> VehicleState:
     return message_rig.state(now_s, **(dict(yaw_rate_radps=None) | changes))
 
 
-def seen(**changes) -> Seen:
+def seen(**changes) -> SeenState:
     """A plausible state: straight on at 5 m/s, with changes."""
     calm = dict(speed_mps=5.0, wheel_rad=0.0, driver=False, torque_nm=None, yaw_rate_radps=None)
-    return Seen(**(calm | changes))
+    return SeenState(**(calm | changes))

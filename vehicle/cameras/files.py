@@ -11,8 +11,8 @@ from trepid.images.files import NOMINAL_FPS, images_in, read_image
 from trepid.images.video import loss_of, video_frames
 from trepid.loudness import warn
 from trepid.types import Positive
-from vehicle.cameras.playback import Playback, PlaybackSettings, Shot, recording_path
-from vehicle.cameras.source import Drive
+from vehicle.cameras.playback import Playback, PlaybackSettings, UndecodedFrame, recording_path
+from vehicle.cameras.source import SourceContext
 
 
 class FolderSettings(PlaybackSettings):
@@ -26,7 +26,7 @@ class VideoFile(Playback):
 
     Settings = PlaybackSettings
 
-    def __init__(self, settings: PlaybackSettings, drive: Drive) -> None:
+    def __init__(self, settings: PlaybackSettings, drive: SourceContext) -> None:
         path = recording_path(settings.path)
         if not path.is_file():
             raise InputError(f"{path}: no such file; set path")
@@ -42,17 +42,19 @@ class ImageFolder(Playback):
 
     Settings = FolderSettings
 
-    def __init__(self, settings: FolderSettings, drive: Drive) -> None:
+    def __init__(self, settings: FolderSettings, drive: SourceContext) -> None:
         folder = recording_path(settings.path)
         if not folder.is_dir():
             raise InputError(f"{folder}: no such folder; set path")
         images = images_in(folder)
         read_image(images[0])  # an unreadable folder is refused at once
-        shots = [Shot(n / settings.rate_hz, partial(read_image, path)) for n, path in enumerate(images)]
+        shots = [
+            UndecodedFrame(n / settings.rate_hz, partial(read_image, path)) for n, path in enumerate(images)
+        ]
         super().__init__(lambda: iter(shots), now_s=drive.now_s, pace=settings.pace, loop=settings.loop)
 
 
-def video_shots(path: Path) -> Iterator[Shot]:
+def video_shots(path: Path) -> Iterator[UndecodedFrame]:
     """The frames of a video by their stamps. Raises InputError when none can be decoded."""
     for frame in video_frames(path):
-        yield Shot(frame.t_s, partial(np.asarray, frame.decode(), np.uint8))
+        yield UndecodedFrame(frame.t_s, partial(np.asarray, frame.decode(), np.uint8))

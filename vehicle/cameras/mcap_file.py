@@ -9,9 +9,9 @@ from trepid.recording.foreign import messages_of, types_of
 from trepid.spelling import did_you_mean
 from trepid.types import Image
 from trepid.wire import WireError
-from vehicle.cameras.playback import Playback, PlaybackSettings, Shot, recording_path
+from vehicle.cameras.playback import Playback, PlaybackSettings, UndecodedFrame, recording_path
 from vehicle.cameras.ros_images import TYPES, RosImage, ros_image
-from vehicle.cameras.source import Drive
+from vehicle.cameras.source import SourceContext
 
 
 class McapSettings(PlaybackSettings):
@@ -25,7 +25,7 @@ class McapFile(Playback):
 
     Settings = McapSettings
 
-    def __init__(self, settings: McapSettings, drive: Drive) -> None:
+    def __init__(self, settings: McapSettings, drive: SourceContext) -> None:
         path = recording_path(settings.path)
         topics = {topic: name for topic, name in types_of(path).items() if name in TYPES}
         topic = _chosen(settings.topic, topics, path)
@@ -51,7 +51,7 @@ def _chosen(wanted: str | None, topics: dict[str, str], path: Path) -> str:
     raise InputError(f"{path}: no topic {wanted!r} with images; {did_you_mean(wanted, topics)}")
 
 
-def mcap_shots(path: Path, topic: str, ros_type: str) -> Iterator[Shot]:
+def mcap_shots(path: Path, topic: str, ros_type: str) -> Iterator[UndecodedFrame]:
     """The images of ``topic`` in the order of the file.
 
     The image of a malformed message cannot be decoded; its time is that of logging, less the delay of the image
@@ -64,11 +64,11 @@ def mcap_shots(path: Path, topic: str, ros_type: str) -> Iterator[Shot]:
             image = ros_image(data, ros_type)
         except WireError as error:
             if delay_s is not None:
-                yield Shot(logged_s - delay_s, partial(_refused, f"{where}: {error}"))
+                yield UndecodedFrame(logged_s - delay_s, partial(_refused, f"{where}: {error}"))
             continue
         t_s = logged_s if image.stamp_s is None else image.stamp_s
         delay_s = logged_s - t_s
-        yield Shot(t_s, partial(_decoded, image, where))
+        yield UndecodedFrame(t_s, partial(_decoded, image, where))
 
 
 def _refused(reason: str) -> Image:

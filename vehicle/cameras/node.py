@@ -11,7 +11,7 @@ from trepid.images.jpeg import JpegEncoder, Thinned
 from trepid.messages import Frame, Health
 from trepid.processes.process import Process, process
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
-from vehicle.cameras.source import CameraSource, Drive, Values
+from vehicle.cameras.source import CameraSource, SourceContext, Values
 from vehicle.cameras.statistics import FrameStatistics
 from vehicle.cameras.table import build, configured
 from vehicle.cameras.working import Unfit, Working, WorkingSettings
@@ -88,7 +88,7 @@ def opened_source(me: Process) -> tuple[str, CameraSource, WorkingSettings] | No
     configured()  # a fault in the settings is refused in each case
     while True:
         try:
-            return build(Drive(me.bus, me.now_s))
+            return build(SourceContext(me.bus, me.now_s))
         except InputError as error:
             if not me.restarts:
                 raise

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator
 
 from trepid.types import Positive
 from vehicle.cameras.device import Capture, Device, DeviceSettings
-from vehicle.cameras.source import Drive
+from vehicle.cameras.source import SourceContext
 
 DEVICES = Path("/dev")
 Control = Literal[
@@ -82,7 +82,7 @@ class V4l2Camera(Device):
 
     Settings = V4l2Settings
 
-    def __init__(self, settings: V4l2Settings, drive: Drive) -> None:
+    def __init__(self, settings: V4l2Settings, drive: SourceContext) -> None:
         opener = partial(open_v4l2, settings)
         super().__init__(opener, settings, now_s=drive.now_s, kernel_stamps=True)
 
@@ -92,7 +92,7 @@ class GstreamerCamera(Device):
 
     Settings = GstreamerSettings
 
-    def __init__(self, settings: GstreamerSettings, drive: Drive) -> None:
+    def __init__(self, settings: GstreamerSettings, drive: SourceContext) -> None:
         opener = partial(open_gstreamer, settings)
         super().__init__(opener, settings, now_s=drive.now_s, kernel_stamps=False)
 

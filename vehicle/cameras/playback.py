@@ -20,7 +20,7 @@ from trepid.types import Image, NonNegative
 from vehicle.cameras.source import Values
 
 
-class Shot(NamedTuple):
+class UndecodedFrame(NamedTuple):
     """A frame of a recording that is not decoded yet."""
 
     t_s: float  # its own stamp
@@ -46,7 +46,7 @@ class Playback:
 
     def __init__(
         self,
-        shots: Callable[[], Iterator[Shot]],
+        shots: Callable[[], Iterator[UndecodedFrame]],
         *,
         now_s: Clock,
         pace: float,
@@ -106,11 +106,11 @@ class Playback:
             shot, self._next = self._next, next(self._timed, None)
         return self._frame(shot, self._due_s(shot))
 
-    def _due_s(self, shot: Shot) -> float:
+    def _due_s(self, shot: UndecodedFrame) -> float:
         assert self._start_s is not None
         return self._start_s + shot.t_s / self._pace
 
-    def _frame(self, shot: Shot, t_s: float) -> Frame | None:
+    def _frame(self, shot: UndecodedFrame, t_s: float) -> Frame | None:
         """The decoded frame; None, and a trouble, for one that cannot be decoded."""
         try:
             image = shot.decode()
@@ -121,7 +121,7 @@ class Playback:
         self.trouble = "" if self._next is not None else "the recording has ended"
         return Frame(t_s=t_s, image=image)
 
-    def _times(self) -> Generator[Shot]:
+    def _times(self) -> Generator[UndecodedFrame]:
         """The shots with times from 0 on; repeated without end in a loop. Shots with older stamps are left out."""
         begin_s = 0.0
         for _ in itertools.count() if self._loop else range(1):

@@ -13,7 +13,7 @@ from trepid.messages import Frame
 from trepid.types import Positive
 from trepid.wire import WireError
 from vehicle.cameras.ros_images import COMPRESSED, IMAGE, ros_image
-from vehicle.cameras.source import Drive, Values
+from vehicle.cameras.source import SourceContext, Values
 
 LEAD_S = 0.05  # of the clock of the sender before that of this machine
 
@@ -34,7 +34,7 @@ class RosTopic:
     Settings = RosTopicSettings
     ended = False
 
-    def __init__(self, settings: RosTopicSettings, drive: Drive) -> None:
+    def __init__(self, settings: RosTopicSettings, drive: SourceContext) -> None:
         self._settings, self._now_s = settings, drive.now_s
         self._type = IMAGE if settings.type == "Image" else COMPRESSED
         self._stack = ExitStack()
@@ -48,7 +48,7 @@ class RosTopic:
         self._malformed = 0
         self.trouble = f"no image on {settings.key} yet"
 
-    def _joined(self, drive: Drive) -> Bus:
+    def _joined(self, drive: SourceContext) -> Bus:
         """The bus of the drive, or a session of its own as a client of the router of the graph."""
         connect = self._settings.connect
         if connect is None:

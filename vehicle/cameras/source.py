@@ -10,7 +10,7 @@ from trepid.messages import Frame
 Values = tuple[tuple[str, str], ...]
 
 
-class Drive(NamedTuple):
+class SourceContext(NamedTuple):
     """What a camera source may use besides its settings."""
 
     bus: Bus | None  # None: without the other processes, as in `trepid doctor`
@@ -54,6 +54,6 @@ class CameraKind(Protocol):
     Settings: type[config.Settings]
     """Of the block of ``config/camera_source.yaml`` that has the name of the source."""
 
-    def __call__(self, settings: Any, drive: Drive) -> CameraSource:
+    def __call__(self, settings: Any, drive: SourceContext) -> CameraSource:
         """Open the source. Raises InputError with one line for the user when it cannot be opened."""
         ...

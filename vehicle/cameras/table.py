@@ -9,7 +9,7 @@ from typing import Any
 from trepid import plugins
 from trepid.config import CONFIG_DIR, InputError, Settings, parse, place, read
 from trepid.spelling import did_you_mean
-from vehicle.cameras.source import CameraKind, CameraSource, Drive
+from vehicle.cameras.source import CameraKind, CameraSource, SourceContext
 from vehicle.cameras.working import WorkingSettings
 
 FILE = CONFIG_DIR / "camera_source.yaml"
@@ -70,7 +70,7 @@ def _part(data: Any, *, keep: Mapping[str, Any]) -> Any:
     return part
 
 
-def build(drive: Drive) -> tuple[str, CameraSource, WorkingSettings]:
+def build(drive: SourceContext) -> tuple[str, CameraSource, WorkingSettings]:
     """Name of the configured source, the open source, and the settings of every source. Raises InputError."""
     name, settings, common = configured()
     try:

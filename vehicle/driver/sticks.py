@@ -29,7 +29,7 @@ class Sticks(NamedTuple):
     record: bool = False
 
 
-class Input(Protocol):
+class DriverInput(Protocol):
     """A device that a driver holds."""
 
     def read(self, *, now_s: float) -> Sticks | None:
@@ -130,7 +130,7 @@ class KeyboardInput:
         return max(value - step, min(value + step, goal))
 
 
-def open_input(settings: DriverSettings) -> Input:
+def open_input(settings: DriverSettings) -> DriverInput:
     """The device in ``settings``. Raises InputError when it cannot be opened."""
     if settings.kind is DeviceKind.KEYBOARD:
         return KeyboardInput(EventDevice(settings.device, INPUT_EVENT), settings.keyboard)

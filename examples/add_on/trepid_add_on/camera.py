@@ -9,7 +9,7 @@ from pydantic import PositiveFloat, PositiveInt
 from trepid import config
 from trepid.car.camera import Camera
 from trepid.messages import Frame
-from vehicle.cameras.source import Drive, Values
+from vehicle.cameras.source import SourceContext, Values
 
 
 class DrawnLane:
@@ -22,7 +22,7 @@ class DrawnLane:
         lane_width_m: PositiveFloat = 3.5
         seed: PositiveInt = 1
 
-    def __init__(self, settings: Settings, drive: Drive) -> None:
+    def __init__(self, settings: Settings, drive: SourceContext) -> None:
         camera = config.load(config.CONFIG_DIR / "camera.yaml", Camera)
         self._period_s, self._now_s = 1.0 / settings.rate_hz, drive.now_s
         self._random = np.random.default_rng(settings.seed)

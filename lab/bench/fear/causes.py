@@ -19,7 +19,7 @@ from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.vehicles import Body
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from supervisor.modes.analyser import analyse, explained
 from supervisor.rules.inference import CALM, FearRules
@@ -45,7 +45,7 @@ Rng = np.random.Generator
 
 
 @dataclass(kw_only=True)
-class Moment:
+class FrameOutputs:
     """Outputs of one frame; a fault changes them."""
 
     image: Image
@@ -81,7 +81,7 @@ class Scene:
             renderer.road.heading_at(station_m) + yaw_rad,
             station_m=station_m,
             t_s=PERIOD_S * number,
-            motion=Motion(SPEED_MPS, 0.0),
+            motion=ShutterMotion(SPEED_MPS, 0.0),
             vehicles=[self._vehicle(renderer, station_m, ahead_m) for ahead_m in options.pop("ahead_m", ())],
         )
 
@@ -98,44 +98,44 @@ class Scene:
         return (x_m, y_m, renderer.road.heading_at(station_m)), body
 
 
-Fault = Callable[[Moment, Scene, int, Rng], Moment]
+Fault = Callable[[FrameOutputs, Scene, int, Rng], FrameOutputs]
 
 
-def _dark(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _dark(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     light = rng.choice([0.0, 0.03, 0.08])
     return replace(now, image=_noisy(now.image * light, rng))
 
 
-def _over_exposed(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _over_exposed(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=_noisy(now.image * rng.uniform(3.0, 8.0), rng))
 
 
-def _frozen(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _frozen(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=now.past[-1])
 
 
-def _looped(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _looped(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=now.past[-2])
 
 
-def _blurred(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _blurred(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=cv2.GaussianBlur(now.image, (0, 0), rng.uniform(8, 14)).astype(np.uint8))
 
 
-def _dirty(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _dirty(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=scene.image(number, "dirt", grade=4.0))
 
 
-def _occluded(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _occluded(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     lead_m = rng.uniform(6.5, 8.0)
     return replace(now, image=scene.image(number, ahead_m=(lead_m + FRONT_M,)), lead_m=lead_m)
 
 
-def _unmarked(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _unmarked(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=scene.image(number, "unmarked"))
 
 
-def _no_road(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _no_road(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=scene.image(number, yaw_rad=1.6))
 
 
@@ -143,7 +143,7 @@ def _lost(estimator: str) -> Fault:
     return lambda now, scene, number, rng: replace(now, silent=estimator)
 
 
-def _stale(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+def _stale(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, frame=False)
 
 
@@ -189,7 +189,7 @@ class Watcher:
         self.spent_us: list[float] = []  # for the analysis alone ...
         self.looked_us: list[float] = []  # ... and for the image statistics
 
-    def step(self, moment: Moment, *, t_s: float) -> str:
+    def step(self, moment: FrameOutputs, *, t_s: float) -> str:
         """The cause at the arrival of the frame captured at ``t_s``."""
         state = VehicleState(
             t_s=t_s + LATENCY_S - 0.01,
@@ -216,7 +216,7 @@ class Watcher:
         self.spent_us.append(1e6 * (time.thread_time() - started_s))
         return CALM if rated.cause == CALM else explained(rated.cause, finding)
 
-    def _look(self, moment: Moment, state: VehicleState, t_s: float) -> None:
+    def _look(self, moment: FrameOutputs, state: VehicleState, t_s: float) -> None:
         frame = Frame(t_s=t_s, image=moment.image)
         started_s = time.thread_time()
         self._statistics = self._judge.step(frame, self._seen[ESTIMATORS[0]], state, now_s=t_s)
@@ -238,7 +238,7 @@ def trial(fault: Fault | None, rng: Rng, watcher: Watcher) -> list[str]:
     causes: list[str] = []
     seed = int(rng.integers(2**31))
     for number in range(WARM_UP + WITHIN):
-        moment = Moment(image=scene.image(number), past=past)
+        moment = FrameOutputs(image=scene.image(number), past=past)
         if fault is not None and number >= WARM_UP:
             moment = fault(
                 moment, scene, number, np.random.default_rng(seed)

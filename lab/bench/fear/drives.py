@@ -8,10 +8,23 @@ import numpy as np
 
 from sim_harness.scenarios.scenario import Appearance, Scenario, Start, Tag
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
-from sim_harness.world.roads.drawn import SNOW_COVER, Kind, Shape, random_section, random_segments, snow_on
+from sim_harness.world.roads.drawn import (
+    SNOW_COVER,
+    BendShape,
+    MarkingKind,
+    random_section,
+    random_segments,
+    snow_on,
+)
 
 CLEAN_DRIVES = 28  # of some 400 m each
-CLEAN_KINDS = (Kind.WHITE, Kind.YELLOW, Kind.DOUBLE, Kind.DASHED, Kind.MULTI_LANE)
+CLEAN_KINDS = (
+    MarkingKind.WHITE,
+    MarkingKind.YELLOW,
+    MarkingKind.DOUBLE,
+    MarkingKind.DASHED,
+    MarkingKind.MULTI_LANE,
+)
 CLEAN_SPEED_MPS = 8.0
 HARD_RADII_M, HARD_ROUTE_M = (35.0, 100.0), 170.0
 HARD_SPEEDS_MPS = (5.0, 9.0)
@@ -22,7 +35,7 @@ OFTEN = ("snow", "fog", "rain", "night", "glare", "over_exposure", "dirt", "occl
 
 
 @dataclass(frozen=True)
-class Case:
+class SupervisionCase:
     """One drive to be driven by every driver."""
 
     scenario: Scenario
@@ -36,20 +49,20 @@ class Case:
         return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
-def cases(seed: int, count: int) -> Iterator[Case]:
+def cases(seed: int, count: int) -> Iterator[SupervisionCase]:
     """Clean cases first, then ``count`` hard ones; a larger count extends the same sequence."""
     for number in range(CLEAN_DRIVES):
         rng = np.random.default_rng([seed, 70, number])
-        yield Case(_clean(rng), int(rng.integers(2**31)), clean=True)
+        yield SupervisionCase(_clean(rng), int(rng.integers(2**31)), clean=True)
     for number in range(count):
         rng = np.random.default_rng([seed, 71, number])
-        yield Case(_hard(rng), int(rng.integers(2**31)), clean=False)
+        yield SupervisionCase(_hard(rng), int(rng.integers(2**31)), clean=False)
 
 
 def _clean(rng: np.random.Generator) -> Scenario:
     """Well marked asphalt by day: two bends, or two of hardly any curvature."""
     kind = CLEAN_KINDS[int(rng.integers(len(CLEAN_KINDS)))]
-    shape = Shape(str(rng.choice(["straight", "bend"])))
+    shape = BendShape(str(rng.choice(["straight", "bend"])))
     return Scenario(
         name="clean",
         description=f"{kind}, {shape}",
@@ -66,7 +79,7 @@ def _clean(rng: np.random.Generator) -> Scenario:
 
 def _hard(rng: np.random.Generator) -> Scenario:
     """Any kind of road, snowed up at times, under a strong disturbance, with a lasting bend after 40 m."""
-    kind = tuple(Kind)[int(rng.integers(len(Kind)))]
+    kind = tuple(MarkingKind)[int(rng.integers(len(MarkingKind)))]
     look = _look(kind, rng)
     snowed_up = bool(rng.random() < SNOWED_UP)
     if snowed_up:
@@ -102,6 +115,6 @@ def _hard(rng: np.random.Generator) -> Scenario:
     )
 
 
-def _look(kind: Kind, rng: np.random.Generator) -> Appearance:
+def _look(kind: MarkingKind, rng: np.random.Generator) -> Appearance:
     section = random_section(kind, rng)
     return Appearance.model_validate(section.model_dump(exclude={"name", "start_m"}))

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.bench.fear.drives import Case, cases
+from lab.bench.fear.drives import SupervisionCase, cases
 from sim_harness.judging.fear_scores import afraid, auroc, fear_and_departure
 from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import Result, build_parts, run
@@ -77,14 +77,14 @@ TARGETS = "targets: supervised 0; flagged 95 %; AUROC 0.97; nuisance 1 per 10 km
 FEAR_BINS = np.linspace(0.0, 1.0, 101)
 
 
-def drivers(case: Case, *, supervised_only: bool = False) -> list[str]:
+def drivers(case: SupervisionCase, *, supervised_only: bool = False) -> list[str]:
     """Drivers of the case; on clean roads only those that are compared there."""
     if supervised_only:
         return [SUPERVISED]
     return [*([Driver.AVERAGE] if case.clean else Driver), SUPERVISED]
 
 
-def drive(case: Case, driver: Driver | None) -> Result:
+def drive(case: SupervisionCase, driver: Driver | None) -> Result:
     """One drive; driver None: the supervised car."""
     scenario = case.scenario
     parts = build_parts(scenario, seed=case.seed)
@@ -96,7 +96,7 @@ def drive(case: Case, driver: Driver | None) -> Result:
     return run(scenario, seed=case.seed, parts=parts)
 
 
-def driven_row(task: tuple[Case, str]) -> Row:
+def driven_row(task: tuple[SupervisionCase, str]) -> Row:
     """The stored row of a drive: scores, times of warning, and fear with and without departure."""
     case, driver = task
     result = drive(case, None if driver == SUPERVISED else Driver(driver))

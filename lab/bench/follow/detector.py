@@ -24,7 +24,7 @@ from sim_harness.lockstep.traffic import Traffic
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
@@ -178,7 +178,7 @@ def _frame(
         t_s=t_s,
         station_m=world.station_m,
         vehicles=vehicles,
-        motion=Motion(SPEED_MPS, rate),
+        motion=ShutterMotion(SPEED_MPS, rate),
     )
     state = VehicleState(
         t_s=t_s, speed_mps=SPEED_MPS, road_wheel_angle_rad=0.0, yaw_rate_radps=rate, driver_override=False

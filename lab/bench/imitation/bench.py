@@ -24,7 +24,7 @@ from learning.dataset.sources.log import Faults, sha256_of_files
 from learning.dataset.sources.table import TableOptions
 from learning.dataset.wheel import WheelOptions
 from learning.judging.evaluate import Bench
-from learning.judging.predictions import Model
+from learning.judging.predictions import JudgedModel
 from learning.rendered import need_torch, say
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
@@ -41,7 +41,7 @@ SPLIT = Split(by="time", seed=0, gap_s=2.0, shares={"train": 0.65, "validation":
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class DatasetTraining:
     """A network to train and judge on a data set."""
 
     data: Path
@@ -112,7 +112,7 @@ def built(source: Path) -> Dataset:
     return Dataset.open(folder)
 
 
-def _task(dataset: Dataset, network: str, *, quick: bool) -> Task:
+def _task(dataset: Dataset, network: str, *, quick: bool) -> DatasetTraining:
     recipe = load_recipe(network, None)
     epochs = QUICK_EPOCHS if quick else EPOCHS
     changed: dict[str, Any] = {
@@ -125,15 +125,15 @@ def _task(dataset: Dataset, network: str, *, quick: bool) -> Task:
     recipe = recipe.model_copy(update=changed)
     digest = short_hash(code_of_training(network), recipe.model_dump_json(), dataset.sha256)
     out = FOLDER / "weights" / f"{dataset.folder.name.rpartition('-')[0]}-{network}-{digest}.onnx"
-    return Task(dataset.folder, network, recipe, out)
+    return DatasetTraining(dataset.folder, network, recipe, out)
 
 
-def judged(task: Task) -> Row:
+def judged(task: DatasetTraining) -> Row:
     """Train a network, unless it is there, and score it on the test split."""
     dataset = Dataset.open(task.data)
     train_once(dataset, task.network, task.out, task.recipe, "trepid bench imitation")
     cv2.setNumThreads(1)
-    bench, model = Bench(dataset, "test"), Model(str(task.out))
+    bench, model = Bench(dataset, "test"), JudgedModel(str(task.out))
     row = bench.row(model, model.predict(dataset, bench.rows))
     curve = [
         json.loads(line)

@@ -29,7 +29,7 @@ from lab.bench.imitation.verdict import (
 from learning.correcting.alone import drive_alone, scenario_for
 from learning.dataset.dataset import Dataset
 from learning.judging.evaluate import BIN_RATIO, Bench
-from learning.judging.predictions import Model, Predictions
+from learning.judging.predictions import JudgedModel, Predictions
 from learning.judging.scores import SHARP_DEG
 from learning.judging.shifts import SHIFTS
 from learning.training.recipe import Recipe, load_recipe
@@ -60,7 +60,7 @@ BESIDE = ("cv", "cnn")  # estimators beside the network under supervision
 SLACK = 2.5  # of the time for the route there: the supervisor slows down
 
 
-class Task(NamedTuple):
+class RoadTraining(NamedTuple):
     """A network to train on the random roads and to judge on the unseen ones."""
 
     random: Path
@@ -70,7 +70,7 @@ class Task(NamedTuple):
     out: Path
 
 
-class Drive(NamedTuple):
+class NetworkDrive(NamedTuple):
     """A drive of a network alone, supervised, or with the angles of the demonstrations instead."""
 
     scenario: Scenario
@@ -99,11 +99,11 @@ def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[st
 
 def _task(
     folder: Path, sets: Mapping[str, Dataset], name: str, changes: Mapping[str, str], *, quick: bool
-) -> Task:
+) -> RoadTraining:
     stages = one_stage(QUICK_EPOCHS if quick else EPOCHS, PEER_RATE if name == PEER else RATE)
     recipe = load_recipe(name, None, overrides={"stages": stages, **changes})
     digest = short_hash(code_of_training(name), recipe.model_dump_json(), sets["random"].sha256)
-    return Task(
+    return RoadTraining(
         sets["random"].folder,
         sets["unseen"].folder,
         name,
@@ -112,12 +112,12 @@ def _task(
     )
 
 
-def judged(task: Task) -> Row:
+def judged(task: RoadTraining) -> Row:
     """Train a network, unless it is there, and score it on the unseen roads."""
     data, unseen = Dataset.open(task.random), Dataset.open(task.unseen)
     train_once(data, task.network, task.out, task.recipe, "trepid bench imitation")
     cv2.setNumThreads(1)
-    model = Model(str(task.out))
+    model = JudgedModel(str(task.out))
     benches = [Bench(one, "test", ratio=BIN_RATIO) for one in (data, unseen)]
     found = [model.predict(bench.dataset, bench.rows) for bench in benches]
     alike, row = (bench.row(model, one) for bench, one in zip(benches, found, strict=True))
@@ -136,7 +136,7 @@ def judged(task: Task) -> Row:
     }
 
 
-def shifted(model: Model, bench: Bench, plain: Predictions) -> dict[str, Row]:
+def shifted(model: JudgedModel, bench: Bench, plain: Predictions) -> dict[str, Row]:
     """Shift -> coverage of the 90 % intervals, share of images outside the network's world, change of the angle.
 
     ``plain``: the predictions without a shift.
@@ -159,18 +159,18 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
     names = QUICK_SCENARIOS if quick else steered()
     speeds = QUICK_SPEEDS_MPH if quick else SPEEDS_MPH
     drives = {
-        f"{name} {mph} mph": Drive(_scenario(name, network, mph), driver="alone")
+        f"{name} {mph} mph": NetworkDrive(_scenario(name, network, mph), driver="alone")
         for name in names
         for mph in speeds
     }
     drives |= {
-        f"{name} {mph} mph supervised": Drive(supervised(name, network, mph), driver="supervised")
+        f"{name} {mph} mph supervised": NetworkDrive(supervised(name, network, mph), driver="supervised")
         for name in names
         for mph in speeds
     }
     fastest = str(max(speeds) * MPH)
     drives |= {
-        f"{name} exact": Drive(
+        f"{name} exact": NetworkDrive(
             load_scenario(name, {"speed_mps": fastest, "start.speed_mps": fastest, "sight": Sight.TRUTH}),
             driver="exact",
         )
@@ -217,7 +217,7 @@ def supervised(name: str, network: Path, mph: float) -> Scenario:
     return scenario.model_copy(update={"duration_s": max(scenario.duration_s, SLACK * route_s)})
 
 
-def driven(task: Drive) -> Row:
+def driven(task: NetworkDrive) -> Row:
     """The scores of a drive."""
     match task.driver:
         case "alone":

@@ -44,7 +44,7 @@ FORMS = ("absent", "stuck", "offset", "sign", "factor", "spike", "swapped")
 NEXT = {"speed": "wheel_angle", "wheel_angle": "yaw_rate", "yaw_rate": "speed"}
 
 
-class Task(NamedTuple):
+class MeasuredDrive(NamedTuple):
     """One drive."""
 
     wire: str
@@ -83,19 +83,19 @@ def bench_measured_faults(seed: int, *, jobs: int = 1, quick: bool = False) -> d
     return summary(stored_rows(path, driven_row, tasks, jobs=jobs))
 
 
-def _tasks(wires: tuple[str, ...], seed: int) -> Iterator[Task]:
+def _tasks(wires: tuple[str, ...], seed: int) -> Iterator[MeasuredDrive]:
     for wire in wires:
         for quantity, field in FIELDS.items():
             for form in FORMS if field not in WIRES[wire].computed else ():
                 for road in ROADS:
                     for speed_mps in SPEEDS_MPS:
-                        yield Task(wire, quantity, form, road, speed_mps, seed)
+                        yield MeasuredDrive(wire, quantity, form, road, speed_mps, seed)
 
 
 class Errors:
     """The error of a fault relative to the noise of its sensor. Call with every true state of the car."""
 
-    def __init__(self, task: Task, fault: WrongMeasurement, noise: NoiseSettings) -> None:
+    def __init__(self, task: MeasuredDrive, fault: WrongMeasurement, noise: NoiseSettings) -> None:
         self._sensors, self._from_s = Sensors([fault]), fault.from_s
         self._noise = {
             "speed_mps": noise.speed_noise_ratio * task.speed_mps,
@@ -127,7 +127,7 @@ class Errors:
 class Observer:
     """What is published from the fault on."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: MeasuredDrive) -> None:
         self._from_s: float = task.fault["from_s"]
         self._fields = {FIELDS[name] for name in task.wrong}
         self.named_s: float | None = None
@@ -147,7 +147,7 @@ class Observer:
         self.last_mps = instant.truth.speed_mps
 
 
-def driven_row(task: Task) -> Row:
+def driven_row(task: MeasuredDrive) -> Row:
     """One drive under ``task``."""
     curvature_1pm = 0.0 if task.road == "straight" else BEND_MPS2 / task.speed_mps**2
     early_m = (FAULT_S if task.road == "before the bend" else -1.0) * task.speed_mps

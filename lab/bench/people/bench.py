@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.bench.people.cases import BYSTANDER, CYCLIST, STEP_OUT, Case, built, cases
+from lab.bench.people.cases import BYSTANDER, CYCLIST, STEP_OUT, Encounter, built, cases
 from lab.bench.people.real import real_pictures
 from lab.bench.real.sets import data_folder
 from perception.lead.finder import lead_finder, lead_settings
@@ -105,14 +105,14 @@ def bench_people(
 Row = dict[str, Any]
 
 
-def _driven(drawn: list[Case], sensor: str, path: Path, *, jobs: int) -> list[tuple[Case, Row]]:
+def _driven(drawn: list[Encounter], sensor: str, path: Path, *, jobs: int) -> list[tuple[Encounter, Row]]:
     """Every case with the result of its run, which ``path`` holds."""
     named = {f"{sensor}, {case.kind} {number}": case for number, case in enumerate(drawn)}
     rows = stored_rows(path, partial(drive, sensor=sensor), named, jobs=jobs)
     return list(zip(drawn, rows, strict=True))
 
 
-def drive(case: Case, *, sensor: str) -> Row:
+def drive(case: Encounter, *, sensor: str) -> Row:
     """The scores of one run."""
     scenario = built(case, sight=SIGHT[sensor], lead_sensor="truth", road_user_sensor=SENSOR[sensor])
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
@@ -144,7 +144,7 @@ def _missing() -> str:
     return ""
 
 
-def _common(driven: list[tuple[Case, Row]]) -> Row:
+def _common(driven: list[tuple[Encounter, Row]]) -> Row:
     rows = [row for _, row in driven]
     decels = [row["decel_mps2"] for row in rows if row["decel_mps2"] is not None]
     return {
@@ -155,7 +155,7 @@ def _common(driven: list[tuple[Case, Row]]) -> Row:
     }
 
 
-def step_outs(driven: list[tuple[Case, Row]]) -> Row:
+def step_outs(driven: list[tuple[Encounter, Row]]) -> Row:
     """Stopped are the runs without a collision in which the car stood before the road user."""
     stopped = [row["stood"] and not row["collisions"] for _, row in driven]
     return _common(driven) | {
@@ -168,25 +168,25 @@ def step_outs(driven: list[tuple[Case, Row]]) -> Row:
     }
 
 
-def bystanders(driven: list[tuple[Case, Row]]) -> Row:
+def bystanders(driven: list[tuple[Encounter, Row]]) -> Row:
     """A drive past a person beside the lane passes without a stop."""
     return _common(driven) | {"stops not needed": sum(row["stood"] for _, row in driven)}
 
 
-def cyclists(driven: list[tuple[Case, Row]]) -> Row:
+def cyclists(driven: list[tuple[Encounter, Row]]) -> Row:
     """A cyclist without room beside is followed."""
     overtaken = sum(math.isfinite(row["passing_mps"]) for _, row in driven)
     return _common(driven) | {"overtaken": overtaken}
 
 
-SCORES: dict[str, Callable[[list[tuple[Case, Row]]], Row]] = {
+SCORES: dict[str, Callable[[list[tuple[Encounter, Row]]], Row]] = {
     STEP_OUT: step_outs,
     BYSTANDER: bystanders,
     CYCLIST: cyclists,
 }
 
 
-def by_distance(driven: Iterable[tuple[Case, Row]]) -> dict[str, Row]:
+def by_distance(driven: Iterable[tuple[Encounter, Row]]) -> dict[str, Row]:
     """The speeds beside bystanders, by their distance from the lane centre."""
     driven, found = list(driven), {}
     for low, high in GAPS_M:

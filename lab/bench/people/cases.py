@@ -34,7 +34,7 @@ STEP_OUT, BYSTANDER, CYCLIST = KINDS = ("step-out", "bystander", "cyclist ahead"
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class Encounter:
     """One encounter."""
 
     kind: str
@@ -43,14 +43,14 @@ class Case:
     hidden: bool = False  # by a parked van
 
 
-def cases(kind: str, seed: int, count: int) -> list[Case]:
+def cases(kind: str, seed: int, count: int) -> list[Encounter]:
     """``count`` random cases of a kind."""
     drawn = {STEP_OUT: _step_out, BYSTANDER: _bystander, CYCLIST: _cyclist}[kind]
     rngs = [np.random.default_rng([seed, 48, KINDS.index(kind), number]) for number in range(count)]
     return [drawn(rng, number) for number, rng in enumerate(rngs)]
 
 
-def built(case: Case, **fields: Any) -> Scenario:
+def built(case: Encounter, **fields: Any) -> Scenario:
     """The scenario of a case with further ``fields``."""
     return Scenario.model_validate({**case.scenario, **fields})
 
@@ -75,7 +75,7 @@ def _base(rng: np.random.Generator, *, duration_s: float) -> dict[str, Any]:
     )
 
 
-def _step_out(rng: np.random.Generator, number: int) -> Case:
+def _step_out(rng: np.random.Generator, number: int) -> Encounter:
     base = _base(rng, duration_s=50.0)
     side, hidden = float(rng.choice([-1.0, 1.0])), number % 2 == 1
     shape = list(STEP_SPEEDS_MPS)[int(rng.integers(len(STEP_SPEEDS_MPS)))]
@@ -101,10 +101,10 @@ def _step_out(rng: np.random.Generator, number: int) -> Case:
     if hidden:
         van = dict(gap_m=user["gap_m"] - 6.5, offset_m=side * VAN_ASIDE_M, shape="van")
         base |= dict(traffic=[van], appearance={"paved_right_m": 2.5, "paved_left_m": 2.5})
-    return Case(STEP_OUT, base | dict(road_users=[user]), aside_m, hidden)
+    return Encounter(STEP_OUT, base | dict(road_users=[user]), aside_m, hidden)
 
 
-def _bystander(rng: np.random.Generator, number: int) -> Case:
+def _bystander(rng: np.random.Generator, number: int) -> Encounter:
     base = _base(rng, duration_s=40.0)
     aside_m = float(rng.uniform(1.7, 6.0))
     user = dict(
@@ -113,10 +113,10 @@ def _bystander(rng: np.random.Generator, number: int) -> Case:
         facing_rad=float(rng.uniform(-3.0, 3.0)),
         shape=str(rng.choice([Shape.ADULT.value, Shape.CHILD.value, Shape.DOG.value])),
     )
-    return Case(BYSTANDER, base | dict(road_users=[user]), aside_m)
+    return Encounter(BYSTANDER, base | dict(road_users=[user]), aside_m)
 
 
-def _cyclist(rng: np.random.Generator, number: int) -> Case:
+def _cyclist(rng: np.random.Generator, number: int) -> Encounter:
     base = _base(rng, duration_s=35.0)
     aside_m = float(rng.uniform(-1.4, 0.0))
     user = dict(
@@ -125,4 +125,4 @@ def _cyclist(rng: np.random.Generator, number: int) -> Case:
         speed_mps=float(rng.uniform(2.0, 5.0)),
         shape=Shape.CYCLIST.value,
     )
-    return Case(CYCLIST, base | dict(road_users=[user]), abs(aside_m))
+    return Encounter(CYCLIST, base | dict(road_users=[user]), abs(aside_m))

@@ -6,11 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lab.bench.perception.clips import VERSION, Case, harness_set, moments
+from lab.bench.perception.clips import VERSION, ClipCase, harness_set, moments
 from lab.bench.perception.drive import bench_drive
 from lab.bench.perception.report import draw, write
 from lab.bench.perception.scores import Results, parts_of, summary
-from lab.bench.perception.store import ClipStore, Pictures
+from lab.bench.perception.store import ClipStore, StoredFrames
 from lab.bench.perception.watch import Watched, watch
 from perception.estimators import estimators as all_estimators
 from perception.estimators import estimators_here, no_estimator
@@ -71,14 +71,14 @@ def bench_perception(
 
 
 def watched(
-    cases: Sequence[Case], names: Sequence[str], seed: int, *, jobs: int = 1, keep_frames: bool = False
+    cases: Sequence[ClipCase], names: Sequence[str], seed: int, *, jobs: int = 1, keep_frames: bool = False
 ) -> Results:
     """Results of the estimators on clips; stored ones are not computed again. Raises WorkerLost."""
     pictures = FOLDER / f"frames-v{VERSION}-{seed}-{fingerprint(*PICTURES)}" if keep_frames else None
     codes = {name: estimator_fingerprint(name) for name in names}
     with Store(FOLDER / f"set-v{VERSION}-{seed}.jsonl") as rows:
         store = ClipStore(rows, fingerprint(*WATCHING), codes)
-        missing: dict[Case, tuple[Case, list[str]]] = {}
+        missing: dict[ClipCase, tuple[ClipCase, list[str]]] = {}
         for case in cases:
             known = store.read(case)
             left = [name for name in names if known is None or name not in known.looks]
@@ -90,11 +90,11 @@ def watched(
         return {case: known for case in cases if (known := store.read(case)) is not None}
 
 
-def _watch(pictures: Path | None, wanted: tuple[Case, Sequence[str]]) -> Watched:
+def _watch(pictures: Path | None, wanted: tuple[ClipCase, Sequence[str]]) -> Watched:
     """Results on one clip."""
     case, names = wanted
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    album = Pictures(pictures) if pictures else None
+    album = StoredFrames(pictures) if pictures else None
     frames = album.read(case, camera.height_px) if album else None
     clip = list(moments(case, camera, vehicle, frames=frames))
     if album and frames is None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from sim_harness.lockstep.oracle import Oracle
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
-from sim_harness.world.roads.drawn import SPEEDS_MPS, Kind, Shape, random_road
+from sim_harness.world.roads.drawn import SPEEDS_MPS, BendShape, MarkingKind, random_road
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle, road_wheel_angle
@@ -32,15 +32,15 @@ MOUTH_M = 4.0  # ahead of the start of a clip: where its tunnel ends
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class ClipCase:
     """One clip of the set."""
 
     seed: int
     number: int  # of the clip with this condition and grade
     condition: str  # "clear", "gap" or a kind of disturbance
     grade: int  # 0 for clear and gap
-    kind: Kind
-    shape: Shape
+    kind: MarkingKind
+    shape: BendShape
     snow_cover: float = 0.0  # the share of the road under trodden snow
 
     @property
@@ -51,7 +51,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class ClipFrame:
     """A frame, the vehicle state, and the true lane."""
 
     frame: Frame
@@ -64,41 +64,43 @@ class Moment:
     in_gap: bool  # no paint to the left or the right of the vehicle
 
 
-def harness_set(seed: int, *, quick: bool = False, repeats: int = 1) -> list[Case]:
+def harness_set(seed: int, *, quick: bool = False, repeats: int = 1) -> list[ClipCase]:
     """The clips of a seed: every kind of road and shape in clear weather, every grade of every disturbance, gaps.
 
     Roads are assigned to disturbances in rounds of random order: each occurs once per round.
     """
-    pairs = [(kind, shape) for kind in Kind for shape in Shape]
+    pairs = [(kind, shape) for kind in MarkingKind for shape in BendShape]
     rng = np.random.default_rng((seed, 60))
     if quick:
-        chosen = [pairs[3 * i + i % 3] for i in range(len(Kind))]
-        clear = [Case(seed, 0, CLEAR, 0, *pair) for pair in chosen]
+        chosen = [pairs[3 * i + i % 3] for i in range(len(MarkingKind))]
+        clear = [ClipCase(seed, 0, CLEAR, 0, *pair) for pair in chosen]
         grades, count, gaps = QUICK_GRADES, 1, 1
     else:
-        clear = [Case(seed, n, CLEAR, 0, *pair) for n in range(repeats) for pair in pairs]
+        clear = [ClipCase(seed, n, CLEAR, 0, *pair) for n in range(repeats) for pair in pairs]
         grades, count, gaps = GRADES, CLIPS_PER_GRADE * repeats, GAP_CLIPS * repeats
     deck = _dealt(pairs, rng)
     disturbed = [
-        Case(seed, n, kind.value, grade, *next(deck))
+        ClipCase(seed, n, kind.value, grade, *next(deck))
         for kind in DisturbanceKind
         for grade in grades
         for n in range(count)
     ]
-    gap_kinds = (Kind.YELLOW, Kind.WHITE, Kind.CONCRETE, Kind.DOUBLE)
-    broken = [Case(seed, n, GAP, 0, gap_kinds[n % 4], Shape.STRAIGHT) for n in range(gaps)]
+    gap_kinds = (MarkingKind.YELLOW, MarkingKind.WHITE, MarkingKind.CONCRETE, MarkingKind.DOUBLE)
+    broken = [ClipCase(seed, n, GAP, 0, gap_kinds[n % 4], BendShape.STRAIGHT) for n in range(gaps)]
     return [*clear, *disturbed, *broken]
 
 
-def _dealt(pairs: list[tuple[Kind, Shape]], rng: np.random.Generator) -> Iterator[tuple[Kind, Shape]]:
+def _dealt(
+    pairs: list[tuple[MarkingKind, BendShape]], rng: np.random.Generator
+) -> Iterator[tuple[MarkingKind, BendShape]]:
     while True:
         for index in rng.permutation(len(pairs)).tolist():
             yield pairs[index]
 
 
 def moments(
-    case: Case, camera: Camera, vehicle: Vehicle, *, frames: Sequence[Image] | None = None
-) -> Iterator[Moment]:
+    case: ClipCase, camera: Camera, vehicle: Vehicle, *, frames: Sequence[Image] | None = None
+) -> Iterator[ClipFrame]:
     """The frames of a clip with their truth; ``frames`` are images that have been rendered before."""
     names = b"".join(name.encode() for name in (case.condition, case.kind, case.shape))
     rng = np.random.default_rng([case.seed, 61, case.number, case.grade, *names])
@@ -124,7 +126,7 @@ def moments(
         yield _moment(course, image, oracle, number * PERIOD_S, gap_m, vehicle)
 
 
-def _disturbances(case: Case, start_m: float) -> tuple[Disturbance, ...]:
+def _disturbances(case: ClipCase, start_m: float) -> tuple[Disturbance, ...]:
     if case.condition in (CLEAR, GAP):
         return ()
     kind = DisturbanceKind(case.condition)
@@ -172,7 +174,7 @@ class Course:
     def picture(self, renderer: Renderer, t_s: float) -> Image:
         """Image of the camera."""
         station_m = self.station_m(t_s)
-        motion = Motion(self.speed_along_mps(t_s), self.yaw_rate_radps(t_s))
+        motion = ShutterMotion(self.speed_along_mps(t_s), self.yaw_rate_radps(t_s))
         x_m, y_m = self.road.position(station_m, self.offset_m(t_s))
         return renderer.render(x_m, y_m, self.yaw_rad(t_s), t_s=t_s, station_m=station_m, motion=motion)
 
@@ -184,7 +186,7 @@ def _moment(
     t_s: float,
     gap_m: tuple[float, float] | None,
     vehicle: Vehicle,
-) -> Moment:
+) -> ClipFrame:
     station_m, offset_m, heading = course.station_m(t_s), course.offset_m(t_s), course.heading_error_rad(t_s)
     speed_mps, rate = course.speed_along_mps(t_s), course.yaw_rate_radps(t_s)
     state = VehicleState(
@@ -200,7 +202,7 @@ def _moment(
         road_wheel_angle_rad=_needed_angle_rad(course.road, station_m, pose, vehicle),
     )
     in_gap = gap_m is not None and gap_m[0] <= station_m <= gap_m[1]
-    return Moment(Frame(t_s=t_s, image=image), state, truth, *pose, course.road, in_gap)
+    return ClipFrame(Frame(t_s=t_s, image=image), state, truth, *pose, course.road, in_gap)
 
 
 def _needed_angle_rad(

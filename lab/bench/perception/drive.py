@@ -20,9 +20,9 @@ from sim_harness.sweep.store import Row, stored_rows
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
-from sim_harness.world.roads.drawn import Kind, Shape, random_section, random_segments
+from sim_harness.world.roads.drawn import BendShape, MarkingKind, random_section, random_segments
 from sim_harness.world.roads.road import Road, RoadSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -31,15 +31,15 @@ from trepid.messages import Command, Frame, VehicleState
 
 _Drive = tuple[int, int, str]  # seed, number of the course, estimator
 
-COURSES: tuple[tuple[Kind, DisturbanceKind | None, int], ...] = (
-    (Kind.WHITE, None, 0),
-    (Kind.YELLOW, DisturbanceKind.TREE_SHADOWS, 3),
-    (Kind.DASHED, DisturbanceKind.RAIN, 2),
-    (Kind.WORN, None, 0),
-    (Kind.WHITE, DisturbanceKind.NIGHT, 2),
-    (Kind.ASPHALT, None, 0),
-    (Kind.GRAVEL, None, 0),
-    (Kind.MULTI_LANE, DisturbanceKind.GLARE, 2),
+COURSES: tuple[tuple[MarkingKind, DisturbanceKind | None, int], ...] = (
+    (MarkingKind.WHITE, None, 0),
+    (MarkingKind.YELLOW, DisturbanceKind.TREE_SHADOWS, 3),
+    (MarkingKind.DASHED, DisturbanceKind.RAIN, 2),
+    (MarkingKind.WORN, None, 0),
+    (MarkingKind.WHITE, DisturbanceKind.NIGHT, 2),
+    (MarkingKind.ASPHALT, None, 0),
+    (MarkingKind.GRAVEL, None, 0),
+    (MarkingKind.MULTI_LANE, DisturbanceKind.GLARE, 2),
 )
 QUICK_COURSES = 3
 DURATION_S, SPEED_MPS = 30.0, 6.0
@@ -112,7 +112,7 @@ def _course(seed: int, number: int) -> tuple[Road, Renderer]:
     """A random road, and its camera images with the disturbance of the course."""
     kind, disturbance, grade = COURSES[number]
     rng = np.random.default_rng((seed, 62, number))
-    shapes = [Shape.BEND, Shape.TIGHT, Shape.STRAIGHT]
+    shapes = [BendShape.BEND, BendShape.TIGHT, BendShape.STRAIGHT]
     segments = tuple(segment for shape in shapes for segment in random_segments(shape, rng)[:-1])
     road = Road(
         RoadSettings(
@@ -139,7 +139,7 @@ def _seen(
     renderer: Renderer, state: PlantState, rate: float, station_m: float, t_s: float
 ) -> tuple[Frame, VehicleState]:
     """The frame at ``state``, and the state as the vehicle reports it."""
-    motion = Motion(state.speed_mps, rate)
+    motion = ShutterMotion(state.speed_mps, rate)
     image = renderer.render(state.x_m, state.y_m, state.yaw_rad, t_s=t_s, station_m=station_m, motion=motion)
     reported = VehicleState(
         t_s=t_s,

@@ -13,7 +13,7 @@ from typing import Annotated, Protocol
 import numpy as np
 import typer
 
-from lab.bench.perception.clips import GAP, Case, Moment, harness_set, moments
+from lab.bench.perception.clips import GAP, ClipCase, ClipFrame, harness_set, moments
 from lab.bench.perception.scores import TOLERANCE_RAD
 from perception.estimators import lane_cv_settings
 from perception.lane.lane_cv import LaneCv
@@ -56,7 +56,7 @@ def finder_for(name: str, camera: Camera, vehicle: Vehicle) -> Finder:
     raise InputError(f"--estimator {name}: expected cv or {SEGMENTS}")
 
 
-def cases(seed: int) -> list[Case]:
+def cases(seed: int) -> list[ClipCase]:
     """The harness set without its gaps, and every third case again on trodden snow."""
     shown = [case for case in harness_set(seed) if case.condition != GAP]
     rng = np.random.default_rng((seed, 62))
@@ -66,7 +66,7 @@ def cases(seed: int) -> list[Case]:
     return shown + snowed_up
 
 
-def samples(clips: Iterable[Iterable[Moment]], make: Callable[[], Finder]) -> tuple[Array, Array]:
+def samples(clips: Iterable[Iterable[ClipFrame]], make: Callable[[], Finder]) -> tuple[Array, Array]:
     """Features of each confidence, (n, features), and whether its angle was within two degrees, (n,)."""
     inputs: list[Features] = []
     right: list[bool] = []
@@ -85,8 +85,8 @@ def samples(clips: Iterable[Iterable[Moment]], make: Callable[[], Finder]) -> tu
 
 
 def _estimates(
-    shown: list[Moment], finder: Finder, turn: Callable[[Image], Image]
-) -> Iterator[tuple[Features, SteeringEstimate, Moment]]:
+    shown: list[ClipFrame], finder: Finder, turn: Callable[[Image], Image]
+) -> Iterator[tuple[Features, SteeringEstimate, ClipFrame]]:
     for moment in shown:
         t_s = moment.frame.t_s
         image = np.ascontiguousarray(turn(moment.frame.image))

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.roads.drawn import Kind, Shape, random_road
+from sim_harness.world.roads.drawn import BendShape, MarkingKind, random_road
 from sim_harness.world.roads.road import Road
 from sim_harness.world.streets import Street, StreetKind, random_street
 from trepid.car.camera import Camera
@@ -47,9 +47,9 @@ def looks(seed: int, count: int) -> Iterator[Look]:
 def _look(number: int, rng: np.random.Generator) -> Look:
     station_m = float(rng.uniform(*FROM_M))
     if rng.random() < ROADS:
-        kind: str = str(rng.choice(list(Kind)))
-        shape = Shape.BEND if rng.random() < 0.25 else Shape.STRAIGHT
-        street = Street(random_road(Kind(kind), shape, rng), ())
+        kind: str = str(rng.choice(list(MarkingKind)))
+        shape = BendShape.BEND if rng.random() < 0.25 else BendShape.STRAIGHT
+        street = Street(random_road(MarkingKind(kind), shape, rng), ())
     else:
         kind = str(rng.choice(list(StreetKind)))
         street = random_street(StreetKind(kind), rng, from_m=station_m)

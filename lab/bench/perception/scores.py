@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.bench.perception.clips import CLEAR, GAP, WARM_UP_FRAMES, Case
+from lab.bench.perception.clips import CLEAR, GAP, WARM_UP_FRAMES, ClipCase
 from lab.bench.perception.watch import Looks, Watched
 from learning.lane.scores import auroc, expected_calibration_error
-from sim_harness.world.roads.drawn import UNMARKED, Kind, Shape
+from sim_harness.world.roads.drawn import UNMARKED, BendShape, MarkingKind
 from trepid.types import Mask
 
 Numbers = NDArray[np.floating]
@@ -18,12 +18,19 @@ TOLERANCE_RAD = np.radians(2.0)  # of the road-wheel angle, as for the confidenc
 MAIN_CONDITIONS = ("rain", "snow", "night", "tree_shadows", "building_shadows", "bridge_shadows", "glare")
 DRIVABLE_GRADES = (1, 2, 3)  # beyond, the lane itself is hidden for part of the frames
 # With paint on both sides:
-CLEAN = (Kind.WHITE, Kind.YELLOW, Kind.DOUBLE, Kind.DASHED, Kind.CONCRETE, Kind.MULTI_LANE)
+CLEAN = (
+    MarkingKind.WHITE,
+    MarkingKind.YELLOW,
+    MarkingKind.DOUBLE,
+    MarkingKind.DASHED,
+    MarkingKind.CONCRETE,
+    MarkingKind.MULTI_LANE,
+)
 
 SHOWN = ("all", "clear", "marked", "unmarked")
 WORST = 12
 
-Results = Mapping[Case, Watched]
+Results = Mapping[ClipCase, Watched]
 Row = dict[str, float | None]
 
 
@@ -38,7 +45,7 @@ def correct(looks: Looks) -> Mask:
         return (np.abs(looks["offset_m"]) <= TOLERANCE_M) & (np.abs(looks["aim_m"]) <= TOLERANCE_M)
 
 
-def scored(results: Results, name: str, cases: Iterable[Case]) -> Looks:
+def scored(results: Results, name: str, cases: Iterable[ClipCase]) -> Looks:
     """Results of an estimator on the clips ``cases``, without the warm-up."""
     parts = [results[case].looks[name][WARM_UP_FRAMES:] for case in cases]
     return np.concatenate(parts) if parts else np.empty(0, results[next(iter(results))].looks[name].dtype)
@@ -117,7 +124,7 @@ def gap_figures(results: Results, name: str) -> Row:
 
 def one_line_figures(results: Results, name: str) -> Row:
     """Bias of the wheel angle with one line: the mean over roads of the absolute mean of a clip's error."""
-    cases = [case for case in results if case.condition == CLEAR and case.kind is Kind.ONE_LINE]
+    cases = [case for case in results if case.condition == CLEAR and case.kind is MarkingKind.ONE_LINE]
     clips = [
         looks["angle_rad"][given(looks)] for case in cases if len(looks := scored(results, name, [case]))
     ]
@@ -129,7 +136,7 @@ def one_line_figures(results: Results, name: str) -> Row:
     }
 
 
-def groups(cases: Iterable[Case]) -> dict[str, list[Case]]:
+def groups(cases: Iterable[ClipCase]) -> dict[str, list[ClipCase]]:
     """Groups of clips: all, clear by road and shape, every disturbance by grade and at drivable grades."""
     cases = list(cases)
     clear = [case for case in cases if case.condition == CLEAR]
@@ -140,8 +147,8 @@ def groups(cases: Iterable[Case]) -> dict[str, list[Case]]:
         "marked": [case for case in clear if case.kind not in UNMARKED],
         "unmarked": [case for case in clear if case.kind in UNMARKED],
     }
-    parts |= {f"clear, {kind}": [case for case in clear if case.kind is kind] for kind in Kind}
-    parts |= {f"clear, {shape}": [case for case in clear if case.shape is shape] for shape in Shape}
+    parts |= {f"clear, {kind}": [case for case in clear if case.kind is kind] for kind in MarkingKind}
+    parts |= {f"clear, {shape}": [case for case in clear if case.shape is shape] for shape in BendShape}
     kinds = list(dict.fromkeys(case.condition for case in cases if case.grade))
     for kind in kinds:
         own = [case for case in cases if case.condition == kind]

@@ -25,9 +25,9 @@ from sim_harness.sweep.store import finished
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.vehicles import Body
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
-from sim_harness.world.roads.drawn import SPEEDS_MPS, Kind, Shape, random_road, random_section
+from sim_harness.world.roads.drawn import SPEEDS_MPS, BendShape, MarkingKind, random_road, random_section
 from sim_harness.world.roads.elevation import ElevationPoint
 from sim_harness.world.roads.features import Side, Wall, WallKind
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
@@ -64,7 +64,7 @@ class Looked(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class SightCase:
     """One drive."""
 
     seed: int
@@ -78,18 +78,18 @@ class Case:
         return f"{self.kind} {self.grade}" if self.grade else self.kind
 
 
-def cases(seed: int, *, quick: bool = False) -> list[Case]:
+def cases(seed: int, *, quick: bool = False) -> list[SightCase]:
     """Every drive of a seed; ``quick``: one of each row."""
     graded = [(kind, grade, OF_A_GRADE) for kind in WEATHER for grade in GRADES]
     plain = [(kind, 0, count) for kind, count in DRIVES.items()]
     return [
-        Case(seed, kind, grade, number)
+        SightCase(seed, kind, grade, number)
         for kind, grade, count in (*plain, *graded)
         for number in range(1 if quick else count)
     ]
 
 
-def drive(case: Case) -> list[Looked]:
+def drive(case: SightCase) -> list[Looked]:
     """The scored frames of a drive."""
     rng = np.random.default_rng([case.seed, 66, case.number, case.grade, *case.kind.encode()])
     road, start_m, speed_mps = _road(case, rng)
@@ -108,7 +108,7 @@ def drive(case: Case) -> list[Looked]:
         station_m = course.station_m(t_s)
         pose = (*road.position(station_m, course.offset_m(t_s)), course.yaw_rad(t_s))
         vehicles = [] if ahead_m is None else [_truck(road, station_m + ahead_m)]
-        motion = Motion(course.speed_along_mps(t_s), course.yaw_rate_radps(t_s))
+        motion = ShutterMotion(course.speed_along_mps(t_s), course.yaw_rate_radps(t_s))
         image = renderer.render(*pose, t_s=t_s, station_m=station_m, motion=motion, vehicles=vehicles)
         frame, state = Frame(t_s=t_s, image=image), _state(motion, t_s)
         started_s = time.thread_time()
@@ -123,7 +123,7 @@ def drive(case: Case) -> list[Looked]:
     return found
 
 
-def _state(motion: Motion, t_s: float) -> VehicleState:
+def _state(motion: ShutterMotion, t_s: float) -> VehicleState:
     return VehicleState(
         t_s=t_s,
         speed_mps=motion.speed_mps,
@@ -139,9 +139,9 @@ def _truck(road: Road, station_m: float) -> tuple[Pose, Body]:
     return (*road.position(axle_m, 0.0), road.heading_at(axle_m)), TRUCK
 
 
-def _road(case: Case, rng: np.random.Generator) -> tuple[Road, float, float]:
+def _road(case: SightCase, rng: np.random.Generator) -> tuple[Road, float, float]:
     """The road of a drive, the station at which it begins, and its speed [m/s]."""
-    kinds = list(Kind)
+    kinds = list(MarkingKind)
     kind = kinds[int(rng.integers(len(kinds)))]
     match case.kind:
         case "crest":
@@ -149,14 +149,14 @@ def _road(case: Case, rng: np.random.Generator) -> tuple[Road, float, float]:
         case "wall":
             return _walled(kind, rng)
         case "truck":
-            shape = Shape.STRAIGHT if case.number % 2 else Shape.BEND
+            shape = BendShape.STRAIGHT if case.number % 2 else BendShape.BEND
         case _:
-            shape = list(Shape)[case.number % len(Shape)]
+            shape = list(BendShape)[case.number % len(BendShape)]
     road = random_road(kind, shape, rng)
     return road, float(rng.uniform(8.0, 60.0)), SPEEDS_MPS[shape]
 
 
-def _hill(kind: Kind, rng: np.random.Generator) -> tuple[Road, float, float]:
+def _hill(kind: MarkingKind, rng: np.random.Generator) -> tuple[Road, float, float]:
     """A straight road over a hill; the drive begins before its crest or on it."""
     grade, radius_m = float(rng.uniform(*HILL_GRADES)), float(rng.uniform(*HILL_RADII_M))
     long_m = 2 * grade * radius_m
@@ -167,7 +167,7 @@ def _hill(kind: Kind, rng: np.random.Generator) -> tuple[Road, float, float]:
     return Road(settings), 120.0 + float(rng.uniform(-40.0, 0.4 * long_m)), 10.0
 
 
-def _walled(kind: Kind, rng: np.random.Generator) -> tuple[Road, float, float]:
+def _walled(kind: MarkingKind, rng: np.random.Generator) -> tuple[Road, float, float]:
     """A bend with a wall on its inside; the drive begins before it or within it."""
     radius_m, sign = float(rng.uniform(*BEND_RADII_M)), float(rng.choice([-1.0, 1.0]))
     bend, turn_m = sign / radius_m, 1.2 * radius_m
@@ -189,7 +189,7 @@ def _walled(kind: Kind, rng: np.random.Generator) -> tuple[Road, float, float]:
     return Road(settings), float(rng.uniform(30.0, 70.0 + 0.5 * turn_m)), 7.0
 
 
-def _plain(kind: Kind, rng: np.random.Generator, segments: tuple[Segment, ...]) -> RoadSettings:
+def _plain(kind: MarkingKind, rng: np.random.Generator, segments: tuple[Segment, ...]) -> RoadSettings:
     return RoadSettings(
         name=str(kind),
         closed=False,

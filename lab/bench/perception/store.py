@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from lab.bench.perception.clips import Case
+from lab.bench.perception.clips import ClipCase
 from lab.bench.perception.watch import LOOK, TRUTH, Watched
 from sim_harness.sweep.store import Store
 from trepid.types import Image
@@ -26,7 +26,7 @@ class ClipStore:
         self._store = store
         self._codes = {SHOWN: drawing} | {name: f"{drawing} {code}" for name, code in codes.items()}
 
-    def read(self, case: Case) -> Watched | None:
+    def read(self, case: ClipCase) -> Watched | None:
         """The stored results on a clip; None when there are none."""
         rows = {name: self._store.get(f"{case.key} {name}", code) for name, code in self._codes.items()}
         arrays = {
@@ -36,19 +36,19 @@ class ClipStore:
         }
         return Watched(arrays.pop(SHOWN), arrays) if SHOWN in arrays else None
 
-    def write(self, case: Case, watched: Watched) -> None:
+    def write(self, case: ClipCase, watched: Watched) -> None:
         """Append the results on a clip."""
         for name, looks in {**watched.looks, SHOWN: watched.truth}.items():
             self._store.add(f"{case.key} {name}", self._codes[name], {"frames": looks.tolist()})
 
 
-class Pictures:
+class StoredFrames:
     """The frames of a clip as one tall PNG, rendered once."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def read(self, case: Case, height_px: int) -> list[Image] | None:
+    def read(self, case: ClipCase, height_px: int) -> list[Image] | None:
         """The frames of a clip; None where they are not stored."""
         path = self._folder / f"{case.key}.png"
         image = cv2.imread(str(path)) if path.is_file() else None
@@ -56,7 +56,7 @@ class Pictures:
             return None
         return list(image.astype(np.uint8, copy=False).reshape(-1, height_px, *image.shape[1:]))
 
-    def write(self, case: Case, frames: list[Image]) -> None:
+    def write(self, case: ClipCase, frames: list[Image]) -> None:
         """Store the frames of a clip."""
         self._folder.mkdir(parents=True, exist_ok=True)
         part = self._folder / f"{case.key}.{os.getpid()}.part.png"

@@ -19,7 +19,7 @@ import numpy as np
 from lab.bench.perception.clips import Course
 from lab.bench.perception.looks import random_camera
 from lab.bench.real.sets import data_folder
-from perception.camera.odometry import DriveOptics, Odometry
+from perception.camera.odometry import DriveOptics, StateOdometry
 from perception.camera.road_lines import pitch_and_yaw
 from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
 from perception.estimators import lane_cv_settings
@@ -27,7 +27,7 @@ from perception.lane.which_lane import WhichLane
 from sim_harness.footage.clip import read_log
 from sim_harness.sweep.store import finished
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.roads.drawn import Kind, random_section
+from sim_harness.world.roads.drawn import MarkingKind, random_section
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -49,7 +49,7 @@ FOREIGN_FOV_RAD = math.pi / 3  # of Unity's camera, vertical
 SPEED_ERROR, RATE_BIAS_RADPS, RATE_NOISE_RADPS = 0.01, 0.003, 0.005  # standard deviations
 
 
-class Moment(NamedTuple):
+class OdometryFrame(NamedTuple):
     """A frame, and speed and yaw rate as the car measures them."""
 
     t_s: float
@@ -67,14 +67,14 @@ class UnknownDrive:
     renderer: Renderer
     rng: np.random.Generator
 
-    def moments(self) -> Iterator[Moment]:
+    def moments(self) -> Iterator[OdometryFrame]:
         """The frames, with measured odometry."""
         scale, bias = self.rng.normal(1.0, SPEED_ERROR), self.rng.normal(0.0, RATE_BIAS_RADPS)
         for number in range(round(DURATION_S / PERIOD_S) + 1):
             t_s = number * PERIOD_S
             rate = self.course.yaw_rate_radps(t_s) + bias + self.rng.normal(0.0, RATE_NOISE_RADPS)
             image = self.course.picture(self.renderer, t_s)
-            yield Moment(t_s, image, self.course.speed_along_mps(t_s) * float(scale), float(rate))
+            yield OdometryFrame(t_s, image, self.course.speed_along_mps(t_s) * float(scale), float(rate))
 
 
 def unknown_drive(seed: int, number: int) -> UnknownDrive:
@@ -87,7 +87,7 @@ def unknown_drive(seed: int, number: int) -> UnknownDrive:
             closed=False,
             lane_width_m=float(rng.uniform(*WIDTHS_M)),
             segments=_winding(speed_mps, rng),
-            sections=(random_section(list(Kind)[number % len(Kind)], rng),),
+            sections=(random_section(list(MarkingKind)[number % len(MarkingKind)], rng),),
         )
     )
     camera = random_camera(rng)
@@ -127,7 +127,7 @@ class Seen(NamedTuple):
 class Watched(NamedTuple):
     """One drive with one kind of odometry."""
 
-    odometry: Odometry
+    odometry: StateOdometry
     seen: tuple[Seen, ...]  # at JUDGED_S
     confidence: float  # mean over the second half
     width_error_m: float | None  # median over the second half
@@ -137,10 +137,10 @@ def watch(case: tuple[int, int]) -> list[Watched]:
     """The drive of a seed and a number, with every kind of odometry."""
     drive = unknown_drive(*case)
     moments = list(drive.moments())
-    return [_watched(drive, moments, odometry) for odometry in Odometry]
+    return [_watched(drive, moments, odometry) for odometry in StateOdometry]
 
 
-def _watched(drive: UnknownDrive, moments: list[Moment], odometry: Odometry) -> Watched:
+def _watched(drive: UnknownDrive, moments: list[OdometryFrame], odometry: StateOdometry) -> Watched:
     settings, vehicle = lane_cv_settings(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     assumed = self_calibrated([moments[0].image], settings.self_calibration)
     finder, seen, late = WhichLane(settings, assumed, vehicle, odometry), [], []
@@ -183,7 +183,7 @@ def bench_unknown_camera(seed: int, *, jobs: int = 1, data: Path | None = None) 
     cases = {(seed, number): (seed, number) for number in range(DRIVES)}
     with closing(finished(watch, cases, jobs)) as results:
         drives = [one for _, found in results for one in found]
-    rows = {odometry.value: [one for one in drives if one.odometry is odometry] for odometry in Odometry}
+    rows = {odometry.value: [one for one in drives if one.odometry is odometry] for odometry in StateOdometry}
     tables: dict[str, Any] = {"odometry": {name: _scores(found) for name, found in rows.items()}}
     folder = data_folder(data) / FOREIGN
     if folder.is_dir() and (foreign := foreign_heights(folder)):
@@ -247,7 +247,7 @@ def _height_m(folder: Path, stretch: Sequence[tuple[str, float, float]]) -> floa
     focal_px = assumed.height_px / 2 / math.tan(FOREIGN_FOV_RAD / 2)
     lens = assumed.model_copy(update={"fx_px": focal_px, "fy_px": focal_px})
     camera = lens.model_copy(update=pitch_and_yaw(lens.cx_px, assumed.horizon_row_px, lens))
-    optics, found = DriveOptics(camera, Odometry.WAY), None
+    optics, found = DriveOptics(camera, StateOdometry.WAY), None
     for image, (_, t_s, speed_mps) in zip(images, stretch, strict=True):
         found = optics.step(image, t_s, speed_mps, None) or found
     return None if found is None else found.focal_height_pxm / focal_px

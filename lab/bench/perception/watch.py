@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.bench.frames import bare_canny_chain
-from lab.bench.perception.clips import AIM_M, Moment
+from lab.bench.perception.clips import AIM_M, ClipFrame
 from perception.estimators import entry_of
 from perception.lane.model.geometry import centre_line
 from trepid.car.camera import Camera
@@ -48,7 +48,7 @@ class Watched:
     looks: Mapping[str, Looks]  # (n,) of LOOK each
 
 
-def watch(clip: Iterable[Moment], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
+def watch(clip: Iterable[ClipFrame], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
     """Fresh estimators on the frames of a clip; their order changes from frame to frame."""
     cv2.setNumThreads(1)
     runners = {name: entry_of(name).build(camera, vehicle) for name in names}
@@ -119,7 +119,7 @@ def _lane_of(estimate: SteeringEstimate) -> Lane:
 class _TrueRoad:
     """The true lane in the vehicle frame; its boundaries are the lines where it is marked, else the edges."""
 
-    def __init__(self, moment: Moment, camera: Camera) -> None:
+    def __init__(self, moment: ClipFrame, camera: Camera) -> None:
         self._moment, self._camera = moment, camera
 
     def beside_m(self, place: complex) -> float:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from perception.camera.odometry import Odometry
+from perception.camera.odometry import StateOdometry
 from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
 from perception.estimators import build_beside, lane_cv_settings
 from perception.images.sources import Clip, sources
@@ -62,7 +62,7 @@ def estimates(pictures: Iterator[Picture], names: Sequence[str]) -> Iterator[See
         if picture.drive != drive:
             drive = picture.drive
             runners = build_beside(
-                names, picture.camera, vehicle, assumed=picture.assumed, odometry=Odometry.NONE
+                names, picture.camera, vehicle, assumed=picture.assumed, odometry=StateOdometry.NONE
             )
         frame, state = Frame(t_s=picture.t_s, image=picture.image), None
         if picture.speed_mps is not None:

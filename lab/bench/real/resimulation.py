@@ -17,8 +17,8 @@ import numpy as np
 
 from lab.bench.real import sets
 from lab.bench.real.frames import Picture, Stretches, cart_drive, donkey_drive, udacity_drive, video
-from sim_harness.footage.clip import Drive
-from sim_harness.footage.reprojection import Shift
+from sim_harness.footage.clip import ClipFrames
+from sim_harness.footage.reprojection import PoseChange
 from sim_harness.footage.resimulation import Resimulation, resimulate
 from sim_harness.footage.visual_speed import speed_mps
 from sim_harness.footage.visual_yaw import yaw_changes_rad
@@ -30,7 +30,7 @@ from trepid.types import Array
 PARTS = Stretches(4, 150)
 PAUSE_S = 0.5  # a longer time between two frames ends a stretch
 LEAST_S = 6.0  # of a stretch
-STARTS = (Shift(), Shift(left_m=0.5), Shift(left_m=-0.5))
+STARTS = (PoseChange(), PoseChange(left_m=0.5), PoseChange(left_m=-0.5))
 FOOTAGE: dict[str, Callable[[Path], Iterator[Picture]]] = {
     "highway_udacity_p1": lambda folder: video(folder / "solidWhiteRight.mp4"),
     "running_track_cart": lambda folder: cart_drive(folder, parts=PARTS),
@@ -46,7 +46,7 @@ SPEEDS_MPS = {"highway_udacity_p1": sets.HIGHWAY_MPS}
 class Stretch:
     """A part of a drive, and its recorded steering."""
 
-    drive: Drive
+    drive: ClipFrames
     steering_rad: Array | None
     assumed: bool  # the camera is self-calibrated
 
@@ -82,7 +82,7 @@ def stretches_of(name: str, pictures: Iterator[Picture]) -> Iterator[Stretch]:
             continue
         speeds = np.array(logged) if len(logged) == len(part) else np.full(len(part), mean_mps)
         angles = [picture.steering_rad for picture in part if picture.steering_rad is not None]
-        drive = Drive(part[0].drive, images, t_s, speeds, camera)
+        drive = ClipFrames(part[0].drive, images, t_s, speeds, camera)
         yield Stretch(drive, np.array(angles) if len(angles) == len(part) else None, part[0].assumed)
 
 

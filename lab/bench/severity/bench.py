@@ -15,7 +15,7 @@ from statistics import fmean
 from typing import Any
 
 from lab.bench.chosen import known_names
-from lab.bench.severity.drive import Task, driven_row
+from lab.bench.severity.drive import StressedDrive, driven_row
 from lab.bench.severity.stresses import GRADES, NOTHING, STRESSES
 from sim_harness.sweep.store import Row, stored_rows
 from supervisor.rules.inference import FearRules
@@ -59,11 +59,13 @@ def bench_severity(
 
 def _tasks(
     names: Iterable[str], grades: Iterable[int], road: str, speed_mps: float, seed: int
-) -> Iterator[Task]:
+) -> Iterator[StressedDrive]:
     """The drives on one road; those that share their images follow each other."""
-    yield Task(NOTHING, 0, road, speed_mps, seed)
+    yield StressedDrive(NOTHING, 0, road, speed_mps, seed)
     in_turn = sorted(names, key=lambda name: not STRESSES[name].behind_camera)
-    yield from (Task(name, grade, road, speed_mps, seed) for name in in_turn for grade in grades if grade)
+    yield from (
+        StressedDrive(name, grade, road, speed_mps, seed) for name in in_turn for grade in grades if grade
+    )
 
 
 def summary(rows: list[Row]) -> dict[str, Any]:

@@ -45,7 +45,7 @@ BEHIND_M, AHEAD_M = 10.0, 150.0  # of road
 WORST = 95  # percentile
 
 
-class Task(NamedTuple):
+class StressedDrive(NamedTuple):
     """One drive."""
 
     stress: str
@@ -76,7 +76,7 @@ class Remembered:
         return self._estimates[frame.t_s]
 
 
-class Pictures:
+class RecallingRenderer:
     """A renderer whose images of one drive are used again."""
 
     def __init__(self, renderer: Renderer, images: dict[float, Image]) -> None:
@@ -99,7 +99,7 @@ def _memory(road: str, speed_mps: float, seed: int) -> Mapping[str, dict[float, 
 class Rails:
     """The true lane, and the vehicle state that the supervisor of its driver gets, which may be wrong."""
 
-    def __init__(self, stress: Stress, task: Task, oracle: Oracle) -> None:
+    def __init__(self, stress: Stress, task: StressedDrive, oracle: Oracle) -> None:
         self._oracle = oracle
         self._truth: SimTruth | None = None
         self._delay_s = stress.state_delay_s * task.grade
@@ -127,7 +127,7 @@ class Rails:
         return None if truth is None else FollowedLane.of(self._oracle.step(truth), truth.t_s)
 
 
-def scenario_of(task: Task) -> Scenario:
+def scenario_of(task: StressedDrive) -> Scenario:
     """The scenario of a drive: a marked road of one curvature under the stress."""
     start_m = BEHIND_M + RUN_UP_S * task.speed_mps
     middle_m = start_m + (BEGIN_S + END_S) / 2 * task.speed_mps
@@ -151,12 +151,12 @@ def scenario_of(task: Task) -> Scenario:
     )
 
 
-def parts_of(task: Task, scenario: Scenario) -> tuple[Parts, Oracle]:
+def parts_of(task: StressedDrive, scenario: Scenario) -> tuple[Parts, Oracle]:
     """The nodes of the drive, and the true lane."""
     parts = build_parts(scenario, seed=task.seed, simulator=_simulator())
     stress, memory = stress_of(task.stress), _memory(task.road, task.speed_mps, task.seed)
     if stress.behind_camera and parts.camera.renderer is not None:
-        pictures: Any = Pictures(parts.camera.renderer, memory["images"])
+        pictures: Any = RecallingRenderer(parts.camera.renderer, memory["images"])
         parts.camera.renderer = pictures
     if stress.behind_perception:
         estimators = {name: Remembered(e, memory[name]) for name, e in parts.estimators.items()}
@@ -184,7 +184,7 @@ def cause_of(decision: Decision) -> str:
     return CALM if cause == CALM else explained(cause, finding, decision.sight_cause)
 
 
-def decisions_of(task: Task) -> list[Decision]:
+def decisions_of(task: StressedDrive) -> list[Decision]:
     """The decisions in the window."""
     scenario = scenario_of(task)
     parts, oracle = parts_of(task, scenario)
@@ -204,7 +204,7 @@ def decisions_of(task: Task) -> list[Decision]:
     return list(found.values())
 
 
-def driven_row(task: Task) -> Row:
+def driven_row(task: StressedDrive) -> Row:
     """Mean and 95th percentile of fear in the window, and how often each cause was named above very_low."""
     decisions = decisions_of(task)
     fears = np.array([d.fear for d in decisions])

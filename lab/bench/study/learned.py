@@ -18,7 +18,7 @@ from lab.bench.imitation.demonstrations import demonstrations
 from lab.bench.imitation.training_code import code_of_training, one_stage, train_once
 from learning.dataset.dataset import Dataset
 from learning.judging.evaluate import BIN_RATIO, Bench
-from learning.judging.predictions import Model
+from learning.judging.predictions import JudgedModel
 from learning.rendered import need_torch
 from learning.training.recipe import Recipe, load_recipe
 from perception.net.driver import DriverNetwork
@@ -138,7 +138,7 @@ def scores(sets: Sets, network: Path) -> Row:
 
 def _errors(data: Dataset, network: Path, split: str) -> Row:
     cv2.setNumThreads(1)
-    bench, model = Bench(data, split, ratio=BIN_RATIO), Model(str(network))
+    bench, model = Bench(data, split, ratio=BIN_RATIO), JudgedModel(str(network))
     row = bench.row(model, model.predict(data, bench.rows))
     kept = ("mae_deg", "rmse_deg", "r2", "rate_rms_degps", "latency_ms", "parameters")
     found = {name: row[name] for name in kept if name in row}

@@ -8,7 +8,7 @@ import pytest
 from lab.bench.flood import bench_security_flood
 from lab.bench.security import (
     Attack,
-    Drive,
+    AttackedDrive,
     bench_security,
     broken,
     foreign,
@@ -28,7 +28,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory):
         yield drive
 
 
-def attacks(drive: Drive) -> dict[str, Attack]:
+def attacks(drive: AttackedDrive) -> dict[str, Attack]:
     every = [*foreign(drive), *wrong_roles(drive), *broken(drive, np.random.default_rng(0))]
     return {attack.name: attack for attack in every}
 
@@ -46,14 +46,14 @@ def attacks(drive: Drive) -> dict[str, Attack]:
     ],
 )
 def test_no_message_of_an_attack_is_acted_upon_and_genuine_ones_arrive_afterwards(
-    drive: Drive, name: str
+    drive: AttackedDrive, name: str
 ) -> None:
     row = attacks(drive)[name].run(drive, COUNT)
     assert row["acted_upon"] == 0
     assert row["genuine_arrive_after"]
 
 
-def test_messages_of_the_right_role_do_arrive_and_malformed_ones_are_counted(drive: Drive) -> None:
+def test_messages_of_the_right_role_do_arrive_and_malformed_ones_are_counted(drive: AttackedDrive) -> None:
     assert attacks(drive)["another type as a command"].run(drive, COUNT)["counted_as_malformed"] > 0
 
 

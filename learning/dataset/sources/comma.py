@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from learning.dataset.sources.log import Log, Steering
+from learning.dataset.sources.log import Log, SteeringUnit
 from trepid.config import InputError
 from trepid.images.files import IMAGE_SUFFIXES, natural_order
 from trepid.recording.interpolation import between
@@ -51,7 +51,7 @@ def read_comma(path: Path) -> Log:
         speed_mps=speed_mps,
         yaw_rate_radps=yaw_rate,
         why=[""] * len(image),
-        unit=Steering.WHEEL,
+        unit=SteeringUnit.WHEEL,
         left_positive=True,
     )
 

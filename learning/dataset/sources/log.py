@@ -19,7 +19,7 @@ LICENCE = re.compile(r"(?i)\blicen[cs]e\b[^\n]*")
 MOST_NAMED = 20  # faults that are printed one by one
 
 
-class Steering(StrEnum):
+class SteeringUnit(StrEnum):
     """The unit of recorded steering."""
 
     LOCK = "lock"  # share of full steering, -1 to 1
@@ -45,7 +45,7 @@ class Log:
     yaw_rate_radps: Column
     why: list[str]  # the reason to leave the frame out; empty: none
     where: list[str] = field(default_factory=list)  # file and line of each row; empty: the log has no lines
-    unit: Steering
+    unit: SteeringUnit
     left_positive: bool  # as the format has it
     lock_rad: float | None = None  # that the format prescribes, or that is usual for it
     lock_source: str = ""  # why so

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from learning.dataset.sources.log import Faults, Log, Steering
+from learning.dataset.sources.log import Faults, Log, SteeringUnit
 from trepid.clock import nanoseconds
 from trepid.config import InputError
 from trepid.recording.foreign import types_of
@@ -60,7 +60,7 @@ def read_drive(path: Path, faults: Faults, *, labels_of: str | None = None) -> L
             BEFORE if t < began_s else (SILENT if measured else UNSEEN) if math.isnan(angle) else ""
             for t, angle in zip(t_s.tolist(), steering.tolist(), strict=True)
         ],
-        unit=Steering.ROAD if measured else Steering.KINEMATIC,
+        unit=SteeringUnit.ROAD if measured else SteeringUnit.KINEMATIC,
         left_positive=True,
         topic=topic,
     )

@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from learning.dataset.sources.log import Faults, Log, Steering, number
+from learning.dataset.sources.log import Faults, Log, SteeringUnit, number
 from trepid.config import InputError
 from trepid.recording.csv_file import Row, read_rows, refuse_halved_numbers, refuse_rounded_times
 from trepid.spelling import did_you_mean
@@ -102,7 +102,7 @@ def _udacity(path: Path, rows: list[Row], faults: Faults) -> Log:
     if not found:
         raise InputError(f"{path}: no row can be read")
     t_s, steering, speed_mps = np.array(found, dtype=np.float64).T
-    log = _log("udacity", path, names, t_s, steering, Steering.LOCK, where)
+    log = _log("udacity", path, names, t_s, steering, SteeringUnit.LOCK, where)
     log.speed_mps, log.unread = speed_mps, faults.rows - before
     log.lock_rad, log.lock_source = math.radians(UDACITY_LOCK_DEG), "of the Udacity simulator"
     if any(row.cells[1].strip() for row in rows if len(row.cells) == len(UDACITY)):
@@ -159,7 +159,7 @@ def _named(path: Path, header: list[str], rows: list[Row], faults: Faults, optio
     if "time" in columns:
         refuse_rounded_times(path, header[at["time"]], columns["time"], texts["route"])
     t_s = columns["time"] if "time" in columns else columns["row"] / (options.fps or math.nan)
-    log = _log("table", path, texts["image"], t_s, columns[angle], Steering(angle), texts["where"])
+    log = _log("table", path, texts["image"], t_s, columns[angle], SteeringUnit(angle), texts["where"])
     if any(texts["route"]):
         log.route = [f"{path.parent.name}/{route}" for route in texts["route"]]
     _filmed(log, columns.get("frame", columns["row"]), options)
@@ -248,7 +248,13 @@ def _filmed(log: Log, frame: Column, options: TableOptions) -> None:
 
 
 def _log(
-    kind: str, path: Path, image: list[str], t_s: Column, steering: Column, unit: Steering, where: list[str]
+    kind: str,
+    path: Path,
+    image: list[str],
+    t_s: Column,
+    steering: Column,
+    unit: SteeringUnit,
+    where: list[str],
 ) -> Log:
     unknown = np.full(len(image), math.nan)
     return Log(

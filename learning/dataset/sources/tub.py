@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from learning.dataset.sources.log import Faults, Log, Steering, number
+from learning.dataset.sources.log import Faults, Log, SteeringUnit, number
 from learning.dataset.sources.tub_manifest import MANIFEST, catalogs_in, read_manifest
 from trepid.config import InputError, read_text
 from trepid.files.decoding import is_broken
@@ -213,7 +213,7 @@ def _log(
         yaw_rate_radps=np.full(len(rows), math.nan),
         why=why,
         where=places,
-        unit=Steering.LOCK,
+        unit=SteeringUnit.LOCK,
         left_positive=False,
         lock_rad=math.radians(ASSUMED_LOCK_DEG),
         lock_source=WHY_LOCK,

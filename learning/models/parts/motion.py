@@ -27,7 +27,7 @@ class Standardised(nn.BatchNorm1d):
         return nn.functional.batch_norm(input, self.running_mean, self.running_var, eps=self.eps)
 
 
-class Motion(nn.Module):
+class SideShift(nn.Module):
     """How far a view has moved to the side since another one.
 
     The edges p(y, x) of a view are the differences of its grey over the columns, in rows of the upper part, with
@@ -74,7 +74,7 @@ class Motion(nn.Module):
 
 
 class Shift(Memory):
-    """How far the view has moved to the side from frame to frame, over the last ``count`` frames (:class:`Motion`).
+    """How far the view has moved to the side between frames (:class:`SideShift`), over the last ``count`` frames.
 
     Output: the pixels flattened, then the last shifts s/REACH, and their d(s)/mean d, the newest first. The state
     holds a number that is 0 before the first frame, the edges of the frame before, and the older numbers of the
@@ -87,7 +87,7 @@ class Shift(Memory):
     def __init__(self, size: tuple[int, int], count: int, units: int) -> None:
         super().__init__()
         self.size, self.count, self.in_a_row = size, count, count + 1
-        self.motion = Motion(size)
+        self.motion = SideShift(size)
         self.moved = 2 * count
         self.state_size = 1 + self.motion.edges_count + self.moved
         self.scale = Standardised(self.moved)
@@ -123,16 +123,16 @@ class Shift(Memory):
 class ShiftedLSTM(Memory):
     """Long short-term memory of the features and of the shift of the view since the frame before.
 
-    It reads the features of trunk and top, then the edges of the view (:class:`Motion`); the output is that of the
-    :class:`LSTM`, then the scaled shift and its d(s)/mean d. The state holds a number that is 0 before the first
-    frame, the edges of the frame before, and the state of the LSTM.
+    It reads the features of trunk and top, then the edges of the view (:class:`SideShift`); the output is that of
+    the :class:`LSTM`, then the scaled shift and its d(s)/mean d. The state holds a number that is 0 before the
+    first frame, the edges of the frame before, and the state of the LSTM.
     """
 
     in_a_row = 2
 
     def __init__(self, size: tuple[int, int], inputs: int, units: int) -> None:
         super().__init__()
-        self.motion = Motion(size)
+        self.motion = SideShift(size)
         self.scale = Standardised(2)
         self.lstm = LSTM(inputs + 2, units)
         self.remember(WINDOW)

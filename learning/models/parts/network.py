@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from learning.models.parts.heads import Head
 from learning.models.parts.memory import Memory
-from learning.models.parts.view import View
+from learning.models.parts.view import InputView
 from trepid.config import InputError
 
 
@@ -31,7 +31,7 @@ class SteeringNetwork(nn.Module):
     def __init__(
         self,
         size: Size,
-        view: View,
+        view: InputView,
         trunk: nn.Module,
         top: nn.Module,
         head: Head,

@@ -18,7 +18,7 @@ GREY_YUV = (0.0, 128.0, 128.0)  # added to it: levels of U and V of what has no 
 IMAGENET_MEAN, IMAGENET_DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 
-class View(nn.Module):
+class InputView(nn.Module):
     """Uint8 BGR frames (n, H, W, 3) -> float32 (n, C, H − crop, W).
 
     In this order: rows above the crop are cut off; histogram (A20: grey levels mapped by the histogram of the

@@ -45,14 +45,14 @@ class TrackSettings(Settings):
     rival_margin: Share
 
 
-class Motion(NamedTuple):
+class VehicleMotion(NamedTuple):
     """Speed and yaw rate of the vehicle; None where they are not known."""
 
     speed_mps: float | None
     yaw_rate_radps: float | None
 
     @classmethod
-    def of(cls, state: VehicleState | None) -> "Motion":
+    def of(cls, state: VehicleState | None) -> "VehicleMotion":
         """The motion that ``state`` reports, without values that no vehicle has."""
         if state is None:
             return cls(None, None)
@@ -65,13 +65,13 @@ def _possible(value: float | None, limit: float) -> float | None:
     return value if value is not None and abs(value) <= limit else None
 
 
-def travelled_m(motion: Motion, dt_s: float, track: TrackSettings) -> float:
+def travelled_m(motion: VehicleMotion, dt_s: float, track: TrackSettings) -> float:
     """Distance [m] driven in ``dt_s``; at ``blind_speed_mps`` where the speed is not known."""
     return (track.blind_speed_mps if motion.speed_mps is None else abs(motion.speed_mps)) * dt_s
 
 
 def predict(
-    state: LaneState, dt_s: float, motion: Motion, *, track: TrackSettings, prior: PriorSettings
+    state: LaneState, dt_s: float, motion: VehicleMotion, *, track: TrackSettings, prior: PriorSettings
 ) -> LaneState:
     """The lane ``dt_s`` later: e' = v·sinψ, ψ' = r − v·κ0, κ0' = v·κ', κ' and δ fade (Dickmanns 1992).
 

@@ -29,7 +29,7 @@ MAX_SURPRISE = 9.0  # squared standard deviations of a course that is searched
 
 
 @dataclass(frozen=True)
-class Course:
+class StreetCourse:
     """Heading of the vehicle against the road, curvature of the road, row of the horizon [image widths]."""
 
     heading_rad: float
@@ -41,7 +41,7 @@ class Course:
 class Profile:
     """What lies at each lateral place along a course; arrays of shape (places,), from left to right."""
 
-    course: Course
+    course: StreetCourse
     left_m: Array  # place at the rear axle
     seen: Mask  # in enough rows
     line: Array  # share of the rows with paint, above chance
@@ -97,13 +97,15 @@ class StreetView:
         at = np.where((at >= 0) & (at < places), at, places).astype(np.int32)
         return at + (places + 1) * np.arange(len(self.rows), dtype=np.int32)[:, None]
 
-    def profile(self, image: Image, horizon: float, near: Course | None = None) -> tuple[Profile, Levelled]:
+    def profile(
+        self, image: Image, horizon: float, near: StreetCourse | None = None
+    ) -> tuple[Profile, Levelled]:
         """The profile of ``image``, of the working width, along its best course, and the levelled image.
 
         ``horizon``: expected row, in widths of the image. Without ``near`` the course is searched straight ahead.
         """
         settings = self.settings
-        around = near or Course(0.0, 0.0, horizon)
+        around = near or StreetCourse(0.0, 0.0, horizon)
         sigma = settings.same_course if near else settings.any_course
         best, found = -np.inf, None
         steps = np.arange(settings.horizon_steps) - settings.horizon_steps // 2
@@ -118,7 +120,7 @@ class StreetView:
                 best, found = score, (maps, at, shift)
         assert found is not None  # the middle horizon is searched always
         maps, (heading, bend), shift = found
-        course = Course(float(self.heading_rad[heading]), float(self.curvature_1pm[bend]), shift)
+        course = StreetCourse(float(self.heading_rad[heading]), float(self.curvature_1pm[bend]), shift)
         return self._along(course, maps), maps
 
     def step_points(self, levelled: Levelled, lane: Array, left_m: float) -> RoadPoints:
@@ -144,7 +146,7 @@ class StreetView:
         )
 
     def _sharpest(
-        self, maps: Levelled, around: Course, surprise: float, is_near: bool
+        self, maps: Levelled, around: StreetCourse, surprise: float, is_near: bool
     ) -> tuple[float, tuple[int, int]]:
         """Score and place in the table of the course along which paint and steps are concentrated the most.
 
@@ -169,7 +171,7 @@ class StreetView:
                 best, found = score, at
         return best, found
 
-    def _along(self, course: Course, maps: Levelled) -> Profile:
+    def _along(self, course: StreetCourse, maps: Levelled) -> Profile:
         index = self.index(course.heading_rad, course.curvature_1pm)
         count = maps.shown.take(index).sum(axis=0)
         rows = np.maximum(count, 1)

@@ -27,7 +27,7 @@ from perception.techniques.boundaries.evidence import (
     support,
 )
 from perception.techniques.boundaries.ransac import VOTERS, Tries, drawn_from
-from perception.techniques.image.picture import Boundaries, Boundary, Evidence, MeasuredLane, View
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence, GroundView, MeasuredLane
 from trepid.clothoid import Lane
 from trepid.types import Array, Mask, Positive
 
@@ -79,7 +79,7 @@ def arcs(
     return Boundaries(left, right, f"no {missing[0]} line" if missing else "")
 
 
-def arc_lane(boundaries: Boundaries, view: View, *, width_m: Positive = 3.4) -> MeasuredLane | None:
+def arc_lane(boundaries: Boundaries, view: GroundView, *, width_m: Positive = 3.4) -> MeasuredLane | None:
     """The clothoid lane through the boundaries; its width is ``width_m`` with one of them; None without.
 
     The lane state of :func:`arcs`. Limit: as there.

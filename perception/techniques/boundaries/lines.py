@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from perception.techniques.boundaries.evidence import STEP_M, Points, both
-from perception.techniques.image.picture import Boundaries, Boundary, Evidence, View
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence, GroundView
 from trepid.types import Array, Mask, Positive, PositiveShare
 
 Votes = Annotated[int, Field(ge=1)]
@@ -19,7 +19,7 @@ NO_LINE = Boundaries(None, None, "no straight line found")
 
 
 @dataclass(frozen=True)
-class Segments:
+class RoadPieces:
     """Straight pieces on the road, shape (n, 2, 2): ends (x, y) [m], the nearer end first."""
 
     ends_m: Array
@@ -39,11 +39,11 @@ class Segments:
         """Distance between the ends."""
         return np.hypot(*(self.ends_m[:, 1] - self.ends_m[:, 0]).T)
 
-    def where(self, kept: Mask) -> "Segments":
+    def where(self, kept: Mask) -> "RoadPieces":
         """The segments selected by the mask ``kept``."""
-        return Segments(self.ends_m[kept])
+        return RoadPieces(self.ends_m[kept])
 
-    def within(self, max_heading_rad: float) -> "Segments":
+    def within(self, max_heading_rad: float) -> "RoadPieces":
         """The segments along the road."""
         return self.where(np.abs(self.slope) < np.tan(max_heading_rad))
 
@@ -102,7 +102,7 @@ def hough_standard(
     return nearest_pair(_apart(segments), min_length_m=3.0)
 
 
-def _apart(segments: Segments, *, least_m: float = 0.6) -> Segments:
+def _apart(segments: RoadPieces, *, least_m: float = 0.6) -> RoadPieces:
     """The lines (strongest first) that lie ``least_m`` from all stronger ones at ``NEAR_M``."""
     place = segments.place_m(NEAR_M)
     kept: list[int] = []
@@ -114,29 +114,29 @@ def _apart(segments: Segments, *, least_m: float = 0.6) -> Segments:
 
 def hough_segments(
     evidence: Evidence, step_rad: float, votes: int, min_length_px: float, max_gap_px: float
-) -> Segments | None:
+) -> RoadPieces | None:
     """The segments of the probabilistic Hough transform on the road; None without any in the picture."""
     binary = np.asarray(evidence.features.response > 0, np.uint8)
     found = cv2.HoughLinesP(binary, 1, step_rad, votes, None, min_length_px, max_gap_px)
     return None if found is None else _on_road(np.asarray(found, float).reshape(-1, 2, 2), evidence.view)
 
 
-def _on_road(ends_px: Array, view: View) -> Segments:
+def _on_road(ends_px: Array, view: GroundView) -> RoadPieces:
     """Segments of the picture, shape (n, 2, 2), on the road, without those that reach the horizon."""
     ends = view.ground(ends_px.reshape(-1, 2)).reshape(-1, 2, 2)
     ends = ends[np.isfinite(ends).all(axis=(1, 2))]
     order = np.argsort(ends[:, :, 0], axis=1)
-    return Segments(np.take_along_axis(ends, order[:, :, None], axis=1))
+    return RoadPieces(np.take_along_axis(ends, order[:, :, None], axis=1))
 
 
-def nearest_pair(segments: Segments, *, min_length_m: float) -> Boundaries:
+def nearest_pair(segments: RoadPieces, *, min_length_m: float) -> Boundaries:
     """The nearest line to the left and to the right of the vehicle ``NEAR_M`` ahead."""
     place = segments.place_m(NEAR_M)
     return both(_nearest(segments, place, min_length_m), _nearest(segments, -place, min_length_m))
 
 
 def _nearest(
-    segments: Segments, aside_m: Array, min_length_m: float, *, join_m: float = 0.3
+    segments: RoadPieces, aside_m: Array, min_length_m: float, *, join_m: float = 0.3
 ) -> Boundary | None:
     """The nearest group of pieces within ``join_m`` with ``aside_m`` > 0 and the least length, as one line."""
     for number in np.argsort(np.where(aside_m > 0, aside_m, np.inf)):
@@ -148,7 +148,7 @@ def _nearest(
     return None
 
 
-def _fitted(group: Segments) -> Boundary:
+def _fitted(group: RoadPieces) -> Boundary:
     """The least-squares line y = a + b·x through points every ``STEP_M`` of the pieces.
 
     The width of a pixel on the road grows with x, so points and residuals are weighted by 1/x.

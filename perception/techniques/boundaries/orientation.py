@@ -7,7 +7,14 @@ from numpy.typing import NDArray
 from perception.techniques.boundaries.evidence import both
 from perception.techniques.boundaries.lines import NEAR_M
 from perception.techniques.image.colour import grey
-from perception.techniques.image.picture import Boundaries, Boundary, Evidence, Features, Kind, View
+from perception.techniques.image.picture import (
+    Boundaries,
+    Boundary,
+    Evidence,
+    FeatureKind,
+    Features,
+    GroundView,
+)
 from trepid.types import Array, Floats, Image, NonNegative, OpenShare, Positive
 
 ORIENTATIONS_RAD = np.deg2rad([0.0, 45.0, 90.0, 135.0])
@@ -18,7 +25,9 @@ SHALLOW = 0.25  # sine; perspective flattens the grain of any ground, so flat di
 EVIDENCE_M = 0.4  # across a boundary
 
 
-def gabor(image: Image, view: View, *, wavelength_px: Positive = 12.0, least: NonNegative = 0.35) -> Features:
+def gabor(
+    image: Image, view: GroundView, *, wavelength_px: Positive = 12.0, least: NonNegative = 0.35
+) -> Features:
     """Direction of the texture by four Gabor filters; the response is its consistency.
 
     Energies E_k = |I ∗ g_k|² of the complex filters at θ_k = 0, 45, 90, 135°; direction of the stripes
@@ -39,7 +48,9 @@ def gabor(image: Image, view: View, *, wavelength_px: Positive = 12.0, least: No
     sure = np.hypot(east, north) / np.maximum(total, EVEN_GREY**2)
     sure[~np.isfinite(view.pixel_m)] = 0  # sky
     direction = np.asarray(np.arctan2(north, east) / 2, np.float32)
-    return Features(np.where(sure > least, sure, np.float32(0)).astype(np.float32), Kind.TEXTURE, direction)
+    return Features(
+        np.where(sure > least, sure, np.float32(0)).astype(np.float32), FeatureKind.TEXTURE, direction
+    )
 
 
 def _filter(along_rad: float, phase_rad: float, wavelength_px: float, size: int) -> Floats:

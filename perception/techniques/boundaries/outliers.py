@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from perception.techniques.image.picture import Boundaries, Evidence, Features, Kind, View
+from perception.techniques.image.picture import Boundaries, Evidence, FeatureKind, Features, GroundView
 from perception.techniques.image.region import near
 from perception.techniques.image.rows import width_px
 from perception.techniques.image.surface import patch
@@ -120,7 +120,7 @@ def patch_component(evidence: Evidence, *, close_m: Positive = 0.3) -> Features:
     whole = _filled(labels == np.bincount(below).argmax()) if len(below) else nothing
     if not len(below) or np.mean(response[whole] > HALF) < SOLID:  # noise is mostly holes
         return evidence.features.where(nothing)
-    return Features(whole.astype(np.float32), Kind.REGION)
+    return Features(whole.astype(np.float32), FeatureKind.REGION)
 
 
 def outline(evidence: Evidence) -> Features:
@@ -149,7 +149,7 @@ def outline(evidence: Evidence) -> Features:
         column = (first + last) / 2
     if view.seen is not None:  # nor is the border of the camera image
         line[cv2.erode(view.seen.astype(np.uint8), np.ones((5, 5), np.uint8)) == 0] = 0
-    return Features(line, Kind.LINE)
+    return Features(line, FeatureKind.LINE)
 
 
 def _pieces(evidence: Evidence) -> tuple[NDArray[np.int32], list[tuple[int, Array]]]:
@@ -198,7 +198,7 @@ def _middle(predicted: Boundaries | None) -> float:
 
 
 def _linked(
-    high: Mask, view: View, middle_m: float, sign: int, step_m: float, from_m: float
+    high: Mask, view: GroundView, middle_m: float, sign: int, step_m: float, from_m: float
 ) -> tuple[list[int], list[int]]:
     """Rows and columns of one side, ``sign`` +1 for left."""
     rows: list[int] = []

@@ -6,7 +6,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from perception.techniques.image.picture import View
+from perception.techniques.image.picture import GroundView
 from perception.techniques.image.rows import row_top_hat
 from trepid.config import InputError
 from trepid.types import Floats, Image, Positive
@@ -26,7 +26,7 @@ USUAL = 80.0  # percentile of the top-hat reached by texture and noise
 OUTSTANDING = 5.0  # multiple of it from which a pixel is paint
 
 
-def grey(image: Image, view: View) -> Image:
+def grey(image: Image, view: GroundView) -> Image:
     """Luminance, Y = 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601) (A04). Source: R [8]–[12].
 
     Limit: yellow paint on concrete, which has the same luminance.
@@ -34,7 +34,7 @@ def grey(image: Image, view: View) -> Image:
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
-def binary(image: Image, view: View) -> Image:
+def binary(image: Image, view: GroundView) -> Image:
     """White above the threshold that separates the grey levels best, else black (A06).
 
     Otsu, A Threshold Selection Method from Gray-Level Histograms (1979): the greatest variance between the two
@@ -45,7 +45,7 @@ def binary(image: Image, view: View) -> Image:
 
 def channel(
     image: Image,
-    view: View,
+    view: GroundView,
     *,
     space: Literal["bgr", "hsv", "hls", "ycbcr", "yuv", "lab"] = "hls",
     name: Literal["b", "g", "r", "h", "s", "v", "l", "y", "u", "a"] = "l",
@@ -78,7 +78,7 @@ def hsi(image: Image) -> tuple[Floats, Floats, Floats]:
     return hue, saturation, intensity
 
 
-def adaptive_grey(image: Image, view: View, *, marking_m: Positive = 0.15) -> Image:
+def adaptive_grey(image: Image, view: GroundView, *, marking_m: Positive = 0.15) -> Image:
     """Projections of colour in which white and yellow paint differ most from the road of this frame (B10).
 
     Fisher's discriminant g = wᵀ·(R,G,B) with w = S_w⁻¹·(μ_paint − μ_road), once for white and once for yellow

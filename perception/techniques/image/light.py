@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
 from perception.techniques.image.colour import grey
-from perception.techniques.image.picture import View
+from perception.techniques.image.picture import GroundView
 from perception.techniques.image.rows import width_px
 from trepid.types import Image, Positive
 
@@ -20,7 +20,7 @@ Level = Annotated[float, Field(gt=0, lt=255)]
 
 
 def clahe(
-    image: Image, view: View, *, clip: Positive = 2.0, tiles: Annotated[int, Field(ge=1, le=32)] = 8
+    image: Image, view: GroundView, *, clip: Positive = 2.0, tiles: Annotated[int, Field(ge=1, le=32)] = 8
 ) -> Image:
     """Histogram equalisation in tiles, with limited gain (A18); of colour images the lightness.
 
@@ -35,7 +35,7 @@ def clahe(
     return np.asarray(cv2.cvtColor(cv2.insertChannel(lightness, lab, 0), cv2.COLOR_Lab2BGR), np.uint8)
 
 
-def low_light(image: Image, view: View, *, road_grey: Level = 90.0, most: Positive = 8.0) -> Image:
+def low_light(image: Image, view: GroundView, *, road_grey: Level = 90.0, most: Positive = 8.0) -> Image:
     """Brighter dark pictures: v·g, with the gain g from 1 to ``most`` that takes the road to ``road_grey`` (A19).
 
     The median below the horizon counts as the road. Source: R [30], whose trained network restyles night as day;
@@ -46,7 +46,9 @@ def low_light(image: Image, view: View, *, road_grey: Level = 90.0, most: Positi
     return image if gain <= 1 else np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
 
 
-def match_histogram(image: Image, view: View, *, mean: Level = 110.0, deviation: Positive = 45.0) -> Image:
+def match_histogram(
+    image: Image, view: GroundView, *, mean: Level = 110.0, deviation: Positive = 45.0
+) -> Image:
     """Grey levels mapped so that their histogram becomes the reference: a normal one of these moments (A20).
 
     See :func:`matching`. Colour images are mapped by the histogram of their luminance. Source: D 4.2, eq. 1–3,
@@ -83,7 +85,9 @@ def _odd(value: int) -> int:
 Odd = Annotated[int, Field(ge=3, le=31), AfterValidator(_odd)]
 
 
-def gaussian(image: Image, view: View, *, sigma_px: Annotated[float, Field(gt=0, le=20)] = 1.1) -> Image:
+def gaussian(
+    image: Image, view: GroundView, *, sigma_px: Annotated[float, Field(gt=0, le=20)] = 1.1
+) -> Image:
     """Gaussian blur, g(x, y) ∝ exp(−(x² + y²)/2σ²); σ = 1.1 px is OpenCV's choice for 5 × 5 (A10).
 
     Source: R [16], [17]. Limit: a stripe of width w keeps erf(w/(2√2·σ)) of its contrast.
@@ -92,7 +96,12 @@ def gaussian(image: Image, view: View, *, sigma_px: Annotated[float, Field(gt=0,
 
 
 def gaussian_auto(
-    image: Image, view: View, *, marking_m: Positive = 0.10, at_m: Positive = 15.0, most_px: Positive = 2.0
+    image: Image,
+    view: GroundView,
+    *,
+    marking_m: Positive = 0.10,
+    at_m: Positive = 15.0,
+    most_px: Positive = 2.0,
 ) -> Image:
     """Gaussian blur that halves the contrast of a marking of ``marking_m``, ``at_m`` ahead (A13).
 
@@ -103,13 +112,13 @@ def gaussian_auto(
     return gaussian(image, view, sigma_px=sigma_px) if sigma_px > 0.3 else image
 
 
-def auto_sigma_px(view: View, marking_m: float, at_m: float) -> float:
+def auto_sigma_px(view: GroundView, marking_m: float, at_m: float) -> float:
     """The σ that halves the contrast of a marking ``at_m`` ahead; 0 without a row for that distance."""
     row = int(np.argmin(np.abs(np.nan_to_num(view.ahead_m, nan=np.inf) - at_m)))
     return float(width_px(view, marking_m)[row]) / HALF_CONTRAST
 
 
-def median(image: Image, view: View, *, size_px: Odd = 3) -> Image:
+def median(image: Image, view: GroundView, *, size_px: Odd = 3) -> Image:
     """The median of each square of ``size_px`` (A11); after ``gaussian`` in a list it is A12.
 
     Source: R [18]; both: R [19], [20]. Limit: stripes narrower than half of the square.
@@ -117,7 +126,7 @@ def median(image: Image, view: View, *, size_px: Odd = 3) -> Image:
     return np.asarray(cv2.medianBlur(image, size_px), np.uint8)
 
 
-def median_auto(image: Image, view: View, *, marking_m: Positive = 0.10, most_px: Odd = 5) -> Image:
+def median_auto(image: Image, view: GroundView, *, marking_m: Positive = 0.10, most_px: Odd = 5) -> Image:
     """The median of the largest square that keeps a stripe of ``marking_m`` in its row (A13).
 
     A k × k median keeps a stripe of w columns that fills more than half of the square: k < 2·w. Source: R II.A.1.
@@ -131,7 +140,7 @@ def median_auto(image: Image, view: View, *, marking_m: Positive = 0.10, most_px
     return smooth
 
 
-def high_pass(image: Image, view: View, *, sigma_px: Positive = 12.0) -> Image:
+def high_pass(image: Image, view: GroundView, *, sigma_px: Positive = 12.0) -> Image:
     """128 + image − its Gaussian blur: removes slow changes of light, keeps stripes and edges (A17).
 
     Source: R [25], [26], for omnidirectional images. Limit: worn paint; the edge of a shadow stays, with a halo.

@@ -22,7 +22,7 @@ AT_HORIZON = 1e-9
 
 
 @dataclass(frozen=True)
-class View:
+class GroundView:
     """A picture as the plane projection of the flat road."""
 
     camera: Camera  # its mounting; its size and focal length may differ from those of the picture
@@ -77,7 +77,7 @@ class View:
         """Distance x [m] ahead of the rear axle of the nearest road in the middle of the picture."""
         return float(np.nanmin(np.where(self.ahead_m > 0, self.ahead_m, np.nan)))
 
-    def cropped(self, box: "Box") -> "View":
+    def cropped(self, box: "PixelBox") -> "GroundView":
         """The view of the part of the picture inside ``box``."""
         shift = np.array([[1.0, 0, -box.left_px], [0, 1, -box.top_px], [0, 0, 1]])
         return replace(
@@ -88,7 +88,7 @@ class View:
             seen=None if self.seen is None else self.seen[box.rows, box.columns],
         )
 
-    def resized(self, width_px: int, height_px: int) -> "View":
+    def resized(self, width_px: int, height_px: int) -> "GroundView":
         """The view of the area-averaged picture: pixel u of it is centred on s·(u + ½) − ½."""
         sx, sy = width_px / self.width_px, height_px / self.height_px
         scale = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
@@ -99,13 +99,13 @@ class View:
         return replace(self, width_px=width_px, height_px=height_px, pixel_from_ground=matrix, seen=seen)
 
 
-def camera_view(camera: Camera) -> View:
+def camera_view(camera: Camera) -> GroundView:
     """The view of a whole, undistorted camera image."""
-    return View(camera, camera.width_px, camera.height_px, camera.pixel_from_road_matrix)
+    return GroundView(camera, camera.width_px, camera.height_px, camera.pixel_from_road_matrix)
 
 
 @dataclass(frozen=True)
-class Box:
+class PixelBox:
     """Rows ``top_px`` to ``bottom_px`` and columns ``left_px`` to ``right_px``, the last ones not included."""
 
     top_px: int
@@ -126,11 +126,11 @@ class Box:
 class Region:
     """The part of a picture that is processed."""
 
-    box: Box
+    box: PixelBox
     mask: Mask | None = None  # pixels that count; None: all
 
 
-class Kind(StrEnum):
+class FeatureKind(StrEnum):
     """The places of a high response."""
 
     LINE = "line"  # edges or stripes along the boundaries
@@ -143,7 +143,7 @@ class Features:
     """The response of each pixel of a picture: boundary, or road."""
 
     response: NDArray[np.uint8] | NDArray[np.float32]  # (height, width); 0 = none
-    kind: Kind
+    kind: FeatureKind
     direction_rad: NDArray[np.float32] | None = None  # of texture, from columns to rows
 
     def where(self, kept: Mask) -> "Features":
@@ -203,7 +203,7 @@ class Evidence:
     """The features of a frame, and what else the stages need that select features and fit boundaries."""
 
     features: Features
-    view: View
+    view: GroundView
     predicted: Boundaries | None = None  # those of the last frame in the present vehicle frame
     rng: np.random.Generator = field(default_factory=_seeded)
 
@@ -217,7 +217,7 @@ class MeasuredLane:
 
 
 @dataclass(frozen=True)
-class Motion:
+class FrameMotion:
     """The motion of the vehicle since the last frame; None: not reported."""
 
     dt_s: float
@@ -235,7 +235,7 @@ class Motion:
         return (self.yaw_rate_radps or 0.0) * self.dt_s
 
 
-def moved(boundaries: Boundaries, motion: Motion) -> Boundaries:
+def moved(boundaries: Boundaries, motion: FrameMotion) -> Boundaries:
     """The same boundaries on the road, in the frame of the vehicle after ``motion``.
 
     Points p become R(−φ)·(p − t), with the chord t of an arc of length s that turns by φ.

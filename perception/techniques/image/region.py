@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from perception.techniques.image.picture import Boundaries, Boundary, Box, Region, View
+from perception.techniques.image.picture import Boundaries, Boundary, GroundView, PixelBox, Region
 from trepid.types import Array, Mask, NonNegative, Positive
 
 MIN_PX = 16  # least height and width of a part
 
 
 def roi_fixed(
-    view: View,
+    view: GroundView,
     predicted: Boundaries | None,
     speed_mps: float | None,
     *,
@@ -31,7 +31,7 @@ def roi_fixed(
 
 
 def roi_tracked(
-    view: View,
+    view: GroundView,
     predicted: Boundaries | None,
     speed_mps: float | None,
     *,
@@ -52,11 +52,11 @@ def roi_tracked(
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if len(rows) < MIN_PX or len(columns) < MIN_PX:
         return Region(box)  # the prediction has left the picture
-    return Region(Box(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1), mask)
+    return Region(PixelBox(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1), mask)
 
 
 def roi_speed(
-    view: View,
+    view: GroundView,
     predicted: Boundaries | None,
     speed_mps: float | None,
     *,
@@ -76,7 +76,7 @@ def roi_speed(
     return roi_tracked(view, predicted, None, reach_m=reach_m, half_width_m=half_width_m, growth=growth)
 
 
-def near(view: View, boundaries: Boundaries, *, half_width_m: float, growth: float) -> Mask:
+def near(view: GroundView, boundaries: Boundaries, *, half_width_m: float, growth: float) -> Mask:
     """Pixels within ``half_width_m`` + ``growth``·x of one of the boundaries, extended straight at both ends."""
     rows = np.arange(view.height_px, dtype=float)
     columns = np.arange(view.width_px, dtype=float)
@@ -106,7 +106,7 @@ def _extended(side: Boundary, *, near_m: float = 0.5, far_m: float = 100.0) -> A
     return np.column_stack([np.concatenate([before, x, beyond]), y_m])
 
 
-def _rows(view: View, reach_m: float) -> Box:
+def _rows(view: GroundView, reach_m: float) -> PixelBox:
     rows = np.flatnonzero(view.ahead_m <= reach_m)
     top = int(rows[0]) if len(rows) else view.height_px
-    return Box(max(min(top, view.height_px - MIN_PX), 0), view.height_px, 0, view.width_px)
+    return PixelBox(max(min(top, view.height_px - MIN_PX), 0), view.height_px, 0, view.width_px)

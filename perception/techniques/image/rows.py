@@ -6,18 +6,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.techniques.image.picture import Features, Kind, View
+from perception.techniques.image.picture import FeatureKind, Features, GroundView
 from trepid.types import Floats, Image
 
 MAX_HAT_PX = 41  # wider paint is nearer than the nearest row
 
 
-def width_px(view: View, width_m: float) -> NDArray[np.float64]:
+def width_px(view: GroundView, width_m: float) -> NDArray[np.float64]:
     """``width_m`` on the road in columns, for every row; 0 above the horizon."""
     return np.nan_to_num(width_m / view.pixel_m, nan=0.0)
 
 
-def row_means(image: Image, edges_m: tuple[float, ...], view: View) -> list[Floats]:
+def row_means(image: Image, edges_m: tuple[float, ...], view: GroundView) -> list[Floats]:
     """Means of the boxes between neighbours of ``edges_m``, which lie that far to the left of every pixel.
 
     Exact between pixels; edges outside of the picture are moved to its border. 0 above the horizon.
@@ -48,7 +48,7 @@ def _between(running: Floats, place: Floats) -> Floats:
     return np.asarray(low + place * (high - low), np.float32)
 
 
-def row_top_hat(image: Image, view: View, width_m: float) -> Image:
+def row_top_hat(image: Image, view: GroundView, width_m: float) -> Image:
     """Image minus its opening along the row by ``width_m``: bright stripes narrower than that remain.
 
     Rows with the same odd kernel are filtered together, so that the width follows the distance.
@@ -69,4 +69,4 @@ def upright_line(response: Floats, least: float) -> Features:
     left = np.pad(response[:, :-1], ((0, 0), (1, 0)), constant_values=np.inf)
     right = np.pad(response[:, 1:], ((0, 0), (0, 1)), constant_values=np.inf)
     peak = (response >= right) & (response > left)
-    return Features(np.where(peak & (response > least), response, np.float32(0)), Kind.LINE)
+    return Features(np.where(peak & (response > least), response, np.float32(0)), FeatureKind.LINE)

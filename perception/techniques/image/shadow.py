@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 
-from perception.techniques.image.picture import View
+from perception.techniques.image.picture import GroundView
 from perception.techniques.image.rows import row_top_hat
 from trepid.types import Floats, Image, Mask, Positive
 
@@ -19,7 +19,12 @@ STRIPE_GREY = 8.0  # least contrast of paint
 
 
 def without_shadows(
-    image: Image, view: View, *, step: Positive = 0.08, material: Positive = 0.06, marking_m: Positive = 0.30
+    image: Image,
+    view: GroundView,
+    *,
+    step: Positive = 0.08,
+    material: Positive = 0.06,
+    marking_m: Positive = 0.30,
 ) -> Image:
     """The picture without cast shadows: zero their edges, then integrate the gradient again (A14).
 
@@ -47,7 +52,7 @@ def without_shadows(
     return clean
 
 
-def shadow_edges(image: Image, view: View, *, step: float, material: float, marking_m: float) -> Mask:
+def shadow_edges(image: Image, view: GroundView, *, step: float, material: float, marking_m: float) -> Mask:
     """Pixels of a BGR image on the edge of a cast shadow."""
     logs = np.log(image.astype(np.float32) + DARK)
     smooth = cv2.GaussianBlur(logs, (0, 0), 1.0)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from perception.techniques.image.colour import grey, hsi
-from perception.techniques.image.picture import Features, Kind, View
+from perception.techniques.image.picture import FeatureKind, Features, GroundView
 from perception.techniques.image.rows import row_means, row_top_hat, upright_line, width_px
 from trepid.types import Floats, Image, OpenShare, Positive, Share
 
@@ -19,7 +19,12 @@ HUE_RAD = 0.44  # 25° to both sides
 
 
 def dark_bright_dark(
-    image: Image, view: View, *, marking_m: Positive = 0.12, least: Positive = 7.0, noise: Positive = 3.0
+    image: Image,
+    view: GroundView,
+    *,
+    marking_m: Positive = 0.12,
+    least: Positive = 7.0,
+    noise: Positive = 3.0,
 ) -> Features:
     """Contrast [grey levels] of a stripe ``marking_m`` wide against the brighter of its neighbours (B02).
 
@@ -34,7 +39,7 @@ def dark_bright_dark(
     return upright_line(response, max(least, noise * float(np.abs(response).mean())))
 
 
-def top_hat(image: Image, view: View, *, marking_m: Positive = 0.25, least: Positive = 8.0) -> Features:
+def top_hat(image: Image, view: GroundView, *, marking_m: Positive = 0.25, least: Positive = 8.0) -> Features:
     """Stripes brighter than the opening of their row by ``marking_m``, above Otsu's threshold and ``least`` (B25).
 
     Image − opening; the structuring element follows the distance. Source: R [75]. Limit: gravel and arrows.
@@ -42,12 +47,12 @@ def top_hat(image: Image, view: View, *, marking_m: Positive = 0.25, least: Posi
     hat = row_top_hat(grey(image, view), view, marking_m)
     if hat.any():
         least = max(least, cv2.threshold(hat[hat > 0].reshape(-1, 1), 0, 255, cv2.THRESH_OTSU)[0])
-    return Features(np.where(hat > least, hat, np.uint8(0)), Kind.LINE)
+    return Features(np.where(hat > least, hat, np.uint8(0)), FeatureKind.LINE)
 
 
 def oriented(
     image: Image,
-    view: View,
+    view: GroundView,
     *,
     marking_m: Positive = 0.12,
     along_m: Positive = 1.0,
@@ -65,7 +70,7 @@ def oriented(
     along = cv2.getGaussianKernel(2 * round(2 * along_m * metre_px) + 1, max(along_m * metre_px, 0.6))
     response = np.asarray(cv2.sepFilter2D(grey(image, view), cv2.CV_32F, across, along), np.float32)
     threshold = max(float(np.quantile(response, share)), least)
-    return Features(np.where(response > threshold, response, np.float32(0)), Kind.LINE)
+    return Features(np.where(response > threshold, response, np.float32(0)), FeatureKind.LINE)
 
 
 def _ricker(sigma_px: float) -> NDArray[np.float64]:
@@ -78,7 +83,7 @@ def _ricker(sigma_px: float) -> NDArray[np.float64]:
 
 def wavelet(
     image: Image,
-    view: View,
+    view: GroundView,
     *,
     levels: Annotated[int, Field(ge=1, le=5)] = 3,
     upright: Annotated[float, Field(ge=0, le=4)] = 1.6,
@@ -112,7 +117,12 @@ def _spline(apart: int) -> Floats:
 
 
 def paint_colour(
-    image: Image, view: View, *, brighter: Positive = 0.10, pale: OpenShare = 0.25, coloured: OpenShare = 0.25
+    image: Image,
+    view: GroundView,
+    *,
+    brighter: Positive = 0.10,
+    pale: OpenShare = 0.25,
+    coloured: OpenShare = 0.25,
 ) -> Features:
     """White: ``brighter`` than the road and pale; yellow: of that hue and coloured. Loose limits in HSI (A07, B23).
 
@@ -122,18 +132,18 @@ def paint_colour(
     road = np.isfinite(view.pixel_m)
     paint = np.zeros(image.shape[:2], np.uint8)
     if image.ndim == 2 or not road.any():
-        return Features(paint, Kind.LINE)
+        return Features(paint, FeatureKind.LINE)
     hue, saturation, intensity = hsi(image[road])
     middle = float(np.median(intensity))
     white = (intensity > middle + brighter) & (saturation < pale)
     yellow = (np.abs(hue - YELLOW_RAD) < HUE_RAD) & (saturation > coloured) & (intensity > middle)
     paint[road] = np.where(white | yellow, 255, 0)
-    return Features(paint, Kind.LINE)
+    return Features(paint, FeatureKind.LINE)
 
 
 def mser_blue(
     image: Image,
-    view: View,
+    view: GroundView,
     *,
     widest_m: Positive = 0.4,
     slimness: Positive = 3.0,
@@ -148,7 +158,7 @@ def mser_blue(
     """
     paint = np.zeros(image.shape[:2], np.uint8)
     if image.ndim == 2:
-        return Features(paint, Kind.LINE)
+        return Features(paint, FeatureKind.LINE)
     widest_px = width_px(view, widest_m)
     largest = image.shape[0] * image.shape[1] // 20
     finder = cv2.MSER.create(
@@ -161,7 +171,7 @@ def mser_blue(
             region = np.asarray(found, np.int32)
             if _is_stripe(region, widest_px, slimness, smooth):
                 paint[region[:, 1], region[:, 0]] = 255
-    return Features(paint, Kind.LINE)
+    return Features(paint, FeatureKind.LINE)
 
 
 def _yellowness(image: Image) -> Image:

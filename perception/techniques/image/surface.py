@@ -9,7 +9,7 @@ from pydantic import Field
 
 from perception.lane.detection.surface import SurfaceSettings, road_likelihood, surface_bins
 from perception.techniques.image.colour import grey
-from perception.techniques.image.picture import Features, Kind, View
+from perception.techniques.image.picture import FeatureKind, Features, GroundView
 from trepid.types import Floats, Image, Mask, Positive, Share
 
 PATCH_M = 6.0  # length of the patch, from the nearest visible road
@@ -19,7 +19,7 @@ LEAST_GREY = 3.0  # sensor noise
 REST_PX = 100
 
 
-def patch(view: View, *, half_width_m: float = PATCH_HALF_M, length_m: float = PATCH_M) -> Mask:
+def patch(view: GroundView, *, half_width_m: float = PATCH_HALF_M, length_m: float = PATCH_M) -> Mask:
     """Certain road: ``length_m`` from the nearest row, ``half_width_m`` to both sides of the vehicle."""
     ahead = view.ahead_m[view.ahead_m > 0]
     mask = np.zeros((view.height_px, view.width_px), np.uint8)
@@ -31,7 +31,7 @@ def patch(view: View, *, half_width_m: float = PATCH_HALF_M, length_m: float = P
     return mask > 0
 
 
-def brightness(image: Image, view: View, *, spread: Positive = 3.0) -> Features:
+def brightness(image: Image, view: GroundView, *, spread: Positive = 3.0) -> Features:
     """Road where the grey level is within ``spread`` deviations of that of the patch ahead (B13, B15).
 
     |I − median| < k·max(1.48·MAD, 3), both of the patch; response 1 or 0. Source: R 1.2, [74]. Limit: edges of the
@@ -45,7 +45,7 @@ def brightness(image: Image, view: View, *, spread: Positive = 3.0) -> Features:
 
 def patch_colour(
     image: Image,
-    view: View,
+    view: GroundView,
     *,
     chroma_limit: Positive = 2.5,
     light_limit: Positive = 1.5,
@@ -61,7 +61,7 @@ def patch_colour(
     inside = patch(view, length_m=length_m)
     outside = np.isfinite(view.pixel_m)[:, None] & ~patch(view, half_width_m=REST_HALF_M, length_m=60.0)
     if image.ndim == 2 or not inside.any() or np.count_nonzero(outside) < REST_PX:
-        return Features(np.zeros(image.shape[:2], np.float32), Kind.REGION)
+        return Features(np.zeros(image.shape[:2], np.float32), FeatureKind.REGION)
     settings = SurfaceSettings(
         chroma_limit=chroma_limit, light_limit=light_limit, light_weight=light_weight, smoothing=smoothing
     )
@@ -70,7 +70,7 @@ def patch_colour(
     return _region(np.asarray(1 / (1 + np.exp(-ratio)), np.float32), view)
 
 
-def texture(image: Image, view: View, *, window_px: Annotated[int, Field(ge=3, le=31)] = 9) -> Features:
+def texture(image: Image, view: GroundView, *, window_px: Annotated[int, Field(ge=3, le=31)] = 9) -> Features:
     """Road where the local contrast is that of the patch ahead: 1, falling with the deviation (B13).
 
     Local contrast t = ln(1 + √(mean of the squared Laplacian in a square)); response exp(−½·((t − t₀)/σ)²) for
@@ -83,7 +83,7 @@ def texture(image: Image, view: View, *, window_px: Annotated[int, Field(ge=3, l
     return _region(np.asarray(np.exp(-0.5 * beyond**2), np.float32), view)
 
 
-def _of_patch(values: Image | Floats, view: View) -> tuple[float, float]:
+def _of_patch(values: Image | Floats, view: GroundView) -> tuple[float, float]:
     """Median and deviation, 1.48·MAD, of ``values`` in the patch ahead; −∞ and 0 when no row shows the road."""
     inside = values[patch(view)]
     if not len(inside):
@@ -92,6 +92,6 @@ def _of_patch(values: Image | Floats, view: View) -> tuple[float, float]:
     return middle, 1.48 * float(np.median(np.abs(inside - middle)))
 
 
-def _region(response: Floats, view: View) -> Features:
+def _region(response: Floats, view: GroundView) -> Features:
     response[~np.isfinite(view.pixel_m)] = 0  # sky
-    return Features(response, Kind.REGION)
+    return Features(response, FeatureKind.REGION)

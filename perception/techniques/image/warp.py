@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from perception.techniques.image.colour import grey
-from perception.techniques.image.picture import View
+from perception.techniques.image.picture import GroundView
 from trepid.types import Array, Image, Positive, PositiveShare
 
 EDGE_PX = 3  # reach of the filters at the border of the picture
@@ -19,7 +19,7 @@ MIN_SEGMENTS = 4
 FIT_ROUNDS = 8
 
 
-def area_resize(image: Image, view: View, *, scale: PositiveShare = 0.5) -> tuple[Image, View]:
+def area_resize(image: Image, view: GroundView, *, scale: PositiveShare = 0.5) -> tuple[Image, GroundView]:
     """The picture scaled down by averaging areas, which keeps its mean grey (A05, A21). Source: R [13]; D 4.1."""
     size = (max(16, round(view.width_px * scale)), max(16, round(view.height_px * scale)))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), view.resized(*size)
@@ -27,12 +27,12 @@ def area_resize(image: Image, view: View, *, scale: PositiveShare = 0.5) -> tupl
 
 def bird_eye(
     image: Image,
-    view: View,
+    view: GroundView,
     *,
     reach_m: Positive = 30.0,
     half_width_m: Positive = 8.0,
     pixel_m: Positive = 0.08,
-) -> tuple[Image, View]:
+) -> tuple[Image, GroundView]:
     """The road from above, by inverse perspective mapping with the known camera (A23).
 
     x' ~ H·x with H from K, pitch and height. Pixels outside of the camera image are filled from its border and
@@ -49,13 +49,13 @@ def bird_eye(
     return np.asarray(warped, np.uint8), replace(above, seen=seen > 0)
 
 
-def view_from_above(view: View, *, reach_m: float, half_width_m: float, pixel_m: float) -> View:
+def view_from_above(view: GroundView, *, reach_m: float, half_width_m: float, pixel_m: float) -> GroundView:
     """From the nearest road in the middle of ``view`` to ``reach_m``; the top row is the farthest."""
     reach_m = max(reach_m, view.nearest_m + 16 * pixel_m)
     x_m, y_m = reach_m - pixel_m / 2, half_width_m - pixel_m / 2  # road at the centre of pixel (0, 0)
     matrix = np.array([[0, -1 / pixel_m, y_m / pixel_m], [-1 / pixel_m, 0, x_m / pixel_m], [0, 0, 1.0]])
     size = (round(2 * half_width_m / pixel_m), round((reach_m - view.nearest_m) / pixel_m))
-    return View(view.camera, *size, matrix, from_above=True)
+    return GroundView(view.camera, *size, matrix, from_above=True)
 
 
 class BirdEyeSelf:
@@ -78,7 +78,7 @@ class BirdEyeSelf:
         self._memory, self._most_rad = memory, most_rad
         self._change_rad: float | None = None
 
-    def step(self, image: Image, view: View) -> tuple[Image, View]:
+    def step(self, image: Image, view: GroundView) -> tuple[Image, GroundView]:
         """As :func:`bird_eye`, after :func:`pitched` by the smoothed change of pitch."""
         change = pitch_change_rad(image, view)
         if change is not None and abs(change) <= self._most_rad:
@@ -87,14 +87,14 @@ class BirdEyeSelf:
         return bird_eye(image, pitched(view, self._change_rad or 0.0), **self._size)
 
 
-def pitched(view: View, change_rad: float) -> View:
+def pitched(view: GroundView, change_rad: float) -> GroundView:
     """The view with the camera turned down by ``change_rad`` more."""
     camera = view.camera.model_copy(update=dict(pitch_down_rad=view.camera.pitch_down_rad + change_rad))
     picture_from_image = view.pixel_from_ground @ np.linalg.inv(view.camera.pixel_from_road_matrix)
     return replace(view, camera=camera, pixel_from_ground=picture_from_image @ camera.pixel_from_road_matrix)
 
 
-def pitch_change_rad(image: Image, view: View) -> float | None:
+def pitch_change_rad(image: Image, view: GroundView) -> float | None:
     """Pitch of the camera [rad, + down] minus that of its file; None when it cannot be measured.
 
     The lines of the road meet at the horizon, v = cy − f·tan(pitch), so Δ = pitch(v found) − pitch(v assumed).
@@ -109,7 +109,7 @@ def pitch_change_rad(image: Image, view: View) -> float | None:
     return math.atan((camera.cy_px - v / w) / camera.fy_px) - camera.pitch_down_rad
 
 
-def road_segments_px(grey_image: Image, view: View) -> Array:
+def road_segments_px(grey_image: Image, view: GroundView) -> Array:
     """Ends, shape (n, 2, 2), of the slanted line segments below the horizon.
 
     Grompone von Gioi et al., LSD: a Line Segment Detector, IPOL 2012.

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from perception.techniques.image.picture import Boundaries, Boundary, View
+from perception.techniques.image.picture import Boundaries, Boundary, GroundView
 from perception.techniques.steering.rule import (
     Gain,
     Hold,
@@ -145,7 +145,7 @@ class Abdelrahman:
         self._hold = Hold(blind_s, straight=True)
         self._before, self._turned_rad = Lines(), 0.0
 
-    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RuleAngle | None:
+    def step(self, boundaries: Boundaries, view: GroundView, dt_s: float) -> RuleAngle | None:
         """The angle for this frame, split ``split_m`` ahead. None after ``blind_s`` without lines."""
         near, picture = _half(boundaries, view, 0.0, self._split_m)
         far, _ = _half(boundaries, view, self._split_m, np.inf)
@@ -165,7 +165,9 @@ class Abdelrahman:
             self._before = near
 
 
-def _half(boundaries: Boundaries, view: View, near_m: float, far_m: float) -> tuple[Lines, LevelPicture]:
+def _half(
+    boundaries: Boundaries, view: GroundView, near_m: float, far_m: float
+) -> tuple[Lines, LevelPicture]:
     """The lines of the boundaries between ``near_m`` and ``far_m``."""
 
     def part(side: Boundary) -> Boundary | None:

@@ -5,7 +5,7 @@ Source: R [82], [6] and R [85].
 
 import math
 
-from perception.techniques.image.picture import Boundaries, View
+from perception.techniques.image.picture import Boundaries, GroundView
 from perception.techniques.steering.rule import (
     Gain,
     Hold,
@@ -48,7 +48,7 @@ def dev_angle(left: ImageLine | None, right: ImageLine | None) -> ImageAngle | N
     return None if left is None or right is None else lean(bisector(left, right))
 
 
-def dev(boundaries: Boundaries, view: View, dt_s: float, *, gain: Gain = 0.2) -> RuleAngle | None:
+def dev(boundaries: Boundaries, view: GroundView, dt_s: float, *, gain: Gain = 0.2) -> RuleAngle | None:
     """The angle of :func:`dev_angle`; None with fewer than two lines (S01–S03). Source: R [82], [6]."""
     left, right, _ = level_lines(boundaries, view)
     angle = dev_angle(left, right)
@@ -76,7 +76,7 @@ class Tu:
     def __init__(self, *, gain: Gain = 0.2, width_m: Positive = 3.4, hold_s: Positive = 0.5) -> None:
         self._gain, self._width_m, self._hold = gain, width_m, Hold(hold_s)
 
-    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RuleAngle | None:
+    def step(self, boundaries: Boundaries, view: GroundView, dt_s: float) -> RuleAngle | None:
         """The angle for this frame; None after ``hold_s`` without a line."""
         left, right, picture = level_lines(boundaries, view)
         angle = tu_angle(left, right, picture, width_m=self._width_m)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from pydantic import Field
 
-from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane, View
+from perception.techniques.image.picture import Boundaries, Boundary, GroundView, MeasuredLane
 from perception.techniques.steering.rule import ImageLine, level_line, meeting_point
 from trepid.car.vehicle import road_wheel_angle
 from trepid.clothoid import Lane
@@ -52,7 +52,7 @@ def straight_lane(
     )
 
 
-def exact_pair(boundaries: Boundaries, view: View, *, width_m: Positive = 3.4) -> MeasuredLane | None:
+def exact_pair(boundaries: Boundaries, view: GroundView, *, width_m: Positive = 3.4) -> MeasuredLane | None:
     """The exact lane of two straight lines, e = h(m_l + m_r)/2·cosψ, ψ = atan(x_v), W = h(m_r − m_l)·cosψ (S18).
 
     The lines are those of a level camera of focal length 1 at the same place. With one boundary, the other is put
@@ -94,7 +94,7 @@ def pursuit(lane: Lane, wheelbase_m: float, *, lookahead_m: Positive = 8.0) -> f
 
 def ground_curve(
     boundaries: Boundaries,
-    view: View | None = None,  # of every stage for lane states; this one measures on the road
+    view: GroundView | None = None,  # of every stage for lane states; this one measures on the road
     *,
     degree: Annotated[int, Field(ge=1, le=3)] = 2,
     width_m: Positive = 3.4,

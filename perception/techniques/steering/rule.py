@@ -14,7 +14,7 @@ from typing import Annotated, NewType
 import numpy as np
 from pydantic import Field
 
-from perception.techniques.image.picture import Boundaries, Boundary, View
+from perception.techniques.image.picture import Boundaries, Boundary, GroundView
 from trepid.car.camera import Camera
 
 ImageAngle = NewType("ImageAngle", float)  # [rad] in the picture, + = steer left
@@ -113,7 +113,7 @@ def level_line(boundary: Boundary, camera: Camera) -> ImageLine | None:
 
 
 def level_lines(
-    boundaries: Boundaries, view: View
+    boundaries: Boundaries, view: GroundView
 ) -> tuple[ImageLine | None, ImageLine | None, LevelPicture]:
     """Left and right boundary as straight lines of a level picture at the place, and of the size, of the camera's.
 

@@ -3,7 +3,7 @@
 import math
 from typing import Literal
 
-from perception.techniques.image.picture import Boundaries, View
+from perception.techniques.image.picture import Boundaries, GroundView
 from perception.techniques.steering.rule import (
     Gain,
     Hold,
@@ -110,7 +110,7 @@ class Sujatha:
         self._width_m, self._distance_m = width_m, distance_m
         self._hold = Hold(blind_s, straight=True)
 
-    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RuleAngle | None:
+    def step(self, boundaries: Boundaries, view: GroundView, dt_s: float) -> RuleAngle | None:
         """The angle for this frame; None after ``blind_s`` without a line."""
         one, other, picture = level_lines(boundaries, view)
         left, right = left_and_right([line for line in (one, other) if line is not None], picture)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from perception.techniques.image.picture import Boundaries, View
+from perception.techniques.image.picture import Boundaries, GroundView
 from perception.techniques.steering.rule import (
     Gain,
     ImageLine,
@@ -91,7 +91,7 @@ class Umamaheswari:
         self._gain, self._width_m, self._table, self._affine = gain, width_m, table, affine
         self._turn = Turn.STRAIGHT
 
-    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RuleAngle | None:
+    def step(self, boundaries: Boundaries, view: GroundView, dt_s: float) -> RuleAngle | None:
         """The angle for this frame; None without a boundary, or with a single one of wrong inclination."""
         left, right, picture = level_lines(boundaries, view)
         if left is None and right is not None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from perception.techniques.image.picture import Boundaries, Motion
+from perception.techniques.image.picture import Boundaries, FrameMotion
 from perception.techniques.steering.lane import ground_curve
 from perception.techniques.tracking.model import (
     MEASURED,
@@ -50,7 +50,7 @@ class _Gaussian(ABC):
         self._track: TrackState | None = None
         self._refused_s = 0.0
 
-    def step(self, boundaries: Boundaries, motion: Motion) -> Boundaries:
+    def step(self, boundaries: Boundaries, motion: FrameMotion) -> Boundaries:
         """The tracked lane; predicted while unseen or outside of the gate; ``boundaries`` once that expires."""
         if self._track is None:
             self._track, self._refused_s = initial(boundaries), 0.0
@@ -67,7 +67,7 @@ class _Gaussian(ABC):
             return boundaries
         return self._track.boundaries(boundaries.reason or "the lines are not those of the tracked lane")
 
-    def _predicted(self, track: TrackState, motion: Motion) -> TrackState:
+    def _predicted(self, track: TrackState, motion: FrameMotion) -> TrackState:
         matrix = transition(motion)
         covariance = matrix @ track.covariance @ matrix.T + process_noise(motion)
         return replace(track, mean=moved_state(track.mean, motion), covariance=covariance)
@@ -91,7 +91,7 @@ class Kalman(_Gaussian):
     with the tracked width. Limit: far parts of a boundary count as much as near ones.
     """
 
-    def _predicted(self, track: TrackState, motion: Motion) -> TrackState:
+    def _predicted(self, track: TrackState, motion: FrameMotion) -> TrackState:
         """x' = Fx + u, the linear form of the motion."""
         matrix = transition(motion)
         turned = np.array([motion.moved_m / 2, 1.0, 0.0, 0.0]) * motion.turned_rad
@@ -132,7 +132,7 @@ class Unscented(_Gaussian):
     points).
     """
 
-    def _predicted(self, track: TrackState, motion: Motion) -> TrackState:
+    def _predicted(self, track: TrackState, motion: FrameMotion) -> TrackState:
         points = moved_state(spread(track.mean, track.covariance), motion)
         mean = points.mean(axis=0)
         covariance = (points - mean).T @ (points - mean) / len(points) + process_noise(motion)

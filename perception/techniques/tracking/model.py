@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.techniques.image.picture import Boundaries, Motion
+from perception.techniques.image.picture import Boundaries, FrameMotion
 from perception.techniques.steering.lane import drawn, ground_curve
 from trepid.clothoid import Lane, advanced
 from trepid.types import Array
@@ -27,7 +27,7 @@ FORGET_M, FORGET_S = 40.0, 4.0  # a track expires when it is unseen for longer
 NEAR_M, FAR_M = 3.0, 25.0
 
 
-def moved_state(state: Array, motion: Motion) -> Array:
+def moved_state(state: Array, motion: FrameMotion) -> Array:
     """The state after ``motion`` (`trepid.clothoid`), shape (…, 4). A yaw rate of None: the lane is followed."""
     e, psi, kappa, width = (state[..., i] for i in range(4))
     follows = kappa * motion.moved_m
@@ -36,7 +36,7 @@ def moved_state(state: Array, motion: Motion) -> Array:
     return np.stack([*moved, width], axis=-1)
 
 
-def transition(motion: Motion) -> Array:
+def transition(motion: FrameMotion) -> Array:
     """∂(moved state)/∂(state) for small angles, shape (4, 4)."""
     matrix = np.eye(4)
     matrix[E, PSI] = motion.moved_m
@@ -46,7 +46,7 @@ def transition(motion: Motion) -> Array:
     return matrix
 
 
-def process_noise(motion: Motion) -> Array:
+def process_noise(motion: FrameMotion) -> Array:
     """Covariance added on the way, shape (4, 4)."""
     return np.diag(NOISE**2 * (abs(motion.moved_m) + STILL_M))
 
@@ -100,7 +100,7 @@ class TrackState:
     unseen_s: float = 0.0
     unseen_m: float = 0.0
 
-    def unmeasured(self, motion: Motion) -> "TrackState":
+    def unmeasured(self, motion: FrameMotion) -> "TrackState":
         """The state after a frame without a measurement."""
         unseen_s, unseen_m = self.unseen_s + motion.dt_s, self.unseen_m + abs(motion.moved_m)
         return replace(self, unseen_s=unseen_s, unseen_m=unseen_m)

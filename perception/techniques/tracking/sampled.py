@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 from scipy.ndimage import gaussian_filter
 
-from perception.techniques.image.picture import Boundaries, Motion
+from perception.techniques.image.picture import Boundaries, FrameMotion
 from perception.techniques.tracking.model import (
     KAPPA,
     MEASURED,
@@ -35,7 +35,7 @@ class _Unseen:
     unseen_s: float = 0.0
     unseen_m: float = 0.0
 
-    def after(self, boundaries: Boundaries, motion: Motion) -> None:
+    def after(self, boundaries: Boundaries, motion: FrameMotion) -> None:
         """Count this frame."""
         measured = boundaries.seen > 0
         self.unseen_s = 0.0 if measured else self.unseen_s + motion.dt_s
@@ -61,7 +61,7 @@ class Particles:
         self._particles: Array | None = None
         self._unseen = _Unseen()
 
-    def step(self, boundaries: Boundaries, motion: Motion) -> Boundaries:
+    def step(self, boundaries: Boundaries, motion: FrameMotion) -> Boundaries:
         """The tracked lane, as for the Kalman filters."""
         self._unseen.after(boundaries, motion)
         if self._particles is None:
@@ -140,7 +140,7 @@ class Bayes:
         self._shape = np.zeros(2)  # κ and W
         self._unseen = _Unseen()
 
-    def step(self, boundaries: Boundaries, motion: Motion) -> Boundaries:
+    def step(self, boundaries: Boundaries, motion: FrameMotion) -> Boundaries:
         """The tracked lane, as for the Kalman filters."""
         self._unseen.after(boundaries, motion)
         frame = initial(boundaries)
@@ -167,7 +167,7 @@ class Bayes:
         kappa, width = np.broadcast_to(self._shape[0], e.shape), np.broadcast_to(self._shape[1], e.shape)
         return np.stack([e, psi, kappa, width], axis=-1).reshape(-1, 4)
 
-    def _moved(self, grid: Array, motion: Motion) -> Array:
+    def _moved(self, grid: Array, motion: FrameMotion) -> Array:
         """The grid with every cell moved by the motion, bilinearly, and blurred by the noise of the way."""
         states = moved_state(self._states(), motion)
         rows = (states[:, E] - self.OFFSETS[0]) / (self.OFFSETS[1] - self.OFFSETS[0])

@@ -35,7 +35,7 @@ class Word:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class ConditionResult:
     """The result of a condition on a run."""
 
     robustness: float  # in the unit of the signal; ≥ 0 passes
@@ -79,27 +79,27 @@ class Condition:
         values = "".join(f", {name} = {value:.4g}" for name, value in verdict.values.items())
         return f"{self.text}: {status}{by} at {verdict.elapsed_s:.2f} s{values}"
 
-    def judge(self, trace: Trace) -> Verdict:
+    def judge(self, trace: Trace) -> ConditionResult:
         """The robustness of ``trace`` and the sample that decided it."""
         try:
             margin, stretches = self.claim.margin(trace), self.scope.stretches(trace)
         except NothingToJudge as reason:
-            return Verdict(-np.inf, None, {}, str(reason))
+            return ConditionResult(-np.inf, None, {}, str(reason))
         except KeyError as missing:
-            return Verdict(-np.inf, None, {}, f"the run has no {missing.args[0]}")
+            return ConditionResult(-np.inf, None, {}, f"the run has no {missing.args[0]}")
         known = ~np.isnan(margin)
         judged = [np.flatnonzero(stretch & known) for stretch in stretches]
         if not self.eventually:  # an interval without samples satisfies *always*
             judged = [samples for samples in judged if len(samples)]
         if not judged:
             if self.scope.may_be_empty and not any(stretch.any() for stretch in stretches):
-                return Verdict(np.inf, None, {}, "its event or `whenever` condition did not occur")
-            return Verdict(-np.inf, None, {}, "there was no sample to judge")
+                return ConditionResult(np.inf, None, {}, "its event or `whenever` condition did not occur")
+            return ConditionResult(-np.inf, None, {}, "there was no sample to judge")
         if any(len(samples) == 0 for samples in judged):
-            return Verdict(-np.inf, None, {}, "its signals were absent throughout")
+            return ConditionResult(-np.inf, None, {}, "its signals were absent throughout")
         pick = np.argmax if self.eventually else np.argmin
         deciding = [int(samples[pick(margin[samples])]) for samples in judged]
         worst = min(deciding, key=lambda sample: float(margin[sample]))
         values = {str(signal): float(signal.values(trace)[worst]) for signal in self.claim.signals}
         elapsed_s = float(trace["t_s"][worst] - trace["t_s"][0])
-        return Verdict(float(margin[worst]), elapsed_s, values, "")
+        return ConditionResult(float(margin[worst]), elapsed_s, values, "")

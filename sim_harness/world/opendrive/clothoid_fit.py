@@ -37,7 +37,7 @@ class Knot:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class FittedCurve:
     """A smooth curve from ``start`` to ``end``; ``exact_m``: its length [m] if it is one clothoid."""
 
     start: float
@@ -49,12 +49,12 @@ class Span:
 class NoFit(ValueError):
     """No clothoids follow a span within tolerance."""
 
-    def __init__(self, span: Span) -> None:
+    def __init__(self, span: FittedCurve) -> None:
         super().__init__(f"no clothoids follow this curve within {1e3 * TOLERANCE_M:g} mm")
         self.span = span
 
 
-def fit(spans: Sequence[Span], *, closed: bool) -> list[list[Segment]]:
+def fit(spans: Sequence[FittedCurve], *, closed: bool) -> list[list[Segment]]:
     """Segments of continuous curvature along each span, within TOLERANCE_M. Raises NoFit."""
     ends = [span.at(span.end) for span in spans]
     starts = [span.at(span.start) for span in spans]
@@ -80,7 +80,7 @@ def _mean(a: Knot, b: Knot) -> Knot:
     )
 
 
-def _span(span: Span, first: Knot, last: Knot) -> list[Segment]:
+def _span(span: FittedCurve, first: Knot, last: Knot) -> list[Segment]:
     """Segments from ``first`` to ``last``: ramps where these differ from the curve, the fit between."""
     start, end = span.start, span.end
     head: list[Segment] = []
@@ -100,7 +100,7 @@ def _same(a: Knot, b: Knot) -> bool:
     )
 
 
-def _ramp(span: Span, knot: Knot, *, forward: bool) -> tuple[float, list[Segment]]:
+def _ramp(span: FittedCurve, knot: Knot, *, forward: bool) -> tuple[float, list[Segment]]:
     """The place on the curve where a ramp from (or to) ``knot`` meets it, and the ramp.
 
     Where ``knot`` is off the curve, as in the middle of a gap of the file, the ramp may be so far off it, too.
@@ -120,7 +120,7 @@ def _ramp(span: Span, knot: Knot, *, forward: bool) -> tuple[float, list[Segment
     raise NoFit(span)
 
 
-def _between(span: Span, start: float, end: float) -> list[Segment]:
+def _between(span: FittedCurve, start: float, end: float) -> list[Segment]:
     """Segments along the curve: itself if it is one clothoid, else the fit, halved until it is close."""
     a, b = span.at(start), span.at(end)
     if span.exact_m is not None:
@@ -135,7 +135,7 @@ def _between(span: Span, start: float, end: float) -> list[Segment]:
 
 
 def _three(
-    span: Span, start: float, end: float, a: Knot, b: Knot, *, tolerance_m: float = TOLERANCE_M
+    span: FittedCurve, start: float, end: float, a: Knot, b: Knot, *, tolerance_m: float = TOLERANCE_M
 ) -> list[Segment] | None:
     """Three clothoids from ``a`` to ``b``; None if they are a detour or leave the curve between start and end."""
     try:

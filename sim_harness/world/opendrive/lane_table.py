@@ -26,7 +26,7 @@ ROUNDING_M = 1e-3  # of stations and widths in files written with few digits
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class CubicRecord:
     """a + b·ds + c·ds² + d·ds³ from ``start_m`` on; continues beyond its end."""
 
     element: Element
@@ -39,10 +39,12 @@ class Record:
         return a + ds * (b + ds * (c + ds * d))
 
 
-def records(elements: Sequence[Element], place: str, origin_m: float = 0.0) -> list[Record]:
+def records(elements: Sequence[Element], place: str, origin_m: float = 0.0) -> list[CubicRecord]:
     """The cubic polynomials of ``elements``, whose attribute ``place`` counts from ``origin_m``."""
     found = [
-        Record(e, origin_m + e.number(place), (e.number("a"), e.number("b"), e.number("c"), e.number("d")))
+        CubicRecord(
+            e, origin_m + e.number(place), (e.number("a"), e.number("b"), e.number("c"), e.number("d"))
+        )
         for e in elements
     ]
     for here, there in pairwise(found):
@@ -52,7 +54,7 @@ def records(elements: Sequence[Element], place: str, origin_m: float = 0.0) -> l
     return found
 
 
-def active(found: Sequence[Record], s: float) -> Record | None:
+def active(found: Sequence[CubicRecord], s: float) -> CubicRecord | None:
     """The last record that starts at ``s`` or before."""
     return next((record for record in reversed(found) if record.start_m <= s), None)
 
@@ -69,7 +71,7 @@ class LaneSection:
         self.element = element
         self.start_m = element.number("s")
         self.lanes: dict[int, Element] = {}
-        self._widths: dict[int, list[Record]] = {}
+        self._widths: dict[int, list[CubicRecord]] = {}
         self.origins_m: dict[int, float] = {}  # of the sOffsets of a lane: the start of its own section
         own = {
             group: [(lane.integer("id"), lane) for lane in element.all(f"{group}/lane")]
@@ -97,13 +99,13 @@ class LaneSection:
         found = self.lanes[lane_id].first(f"link/{which}")
         return found.integer("id") if found else None
 
-    def widths(self, lane_id: int) -> list[Record]:
+    def widths(self, lane_id: int) -> list[CubicRecord]:
         """The width of a lane. Raises InputError when it is not given as <width>."""
         if lane_id not in self._widths:
             self._widths[lane_id] = self._read_widths(lane_id)
         return self._widths[lane_id]
 
-    def _read_widths(self, lane_id: int) -> list[Record]:
+    def _read_widths(self, lane_id: int) -> list[CubicRecord]:
         lane, origin_m = self.lanes[lane_id], self.origins_m[lane_id]
         found = records(lane.all("width"), "sOffset", origin_m)
         if not found or found[0].start_m > origin_m + ROUNDING_M:

@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from sim_harness.world.opendrive.clothoid_fit import Knot, NoFit, Span, clothoid, fit
+from sim_harness.world.opendrive.clothoid_fit import FittedCurve, Knot, NoFit, clothoid, fit
 from sim_harness.world.opendrive.kept_lane import KeptLane
-from sim_harness.world.opendrive.lane_table import DRIVEN, PAVED, LaneSection, Record, active, records
+from sim_harness.world.opendrive.lane_table import DRIVEN, PAVED, CubicRecord, LaneSection, active, records
 from sim_harness.world.opendrive.located_xml import Element, read_xml
 from sim_harness.world.opendrive.plan_view import MAX_CURVATURE_1PM, SLIVER_M, Clothoid, Piece, plan_view
 from sim_harness.world.opendrive.sections import CrossSection, Profile, Strip, mirrored, sections, user_data
@@ -62,7 +62,7 @@ def read_opendrive(path: Path, *, road: str | None = None, lane: int | None = No
     if road is not None and road not in ids:
         raise root.error(f"no road has the id {road!r}; there are {', '.join(ids[:20])}")
     chosen = next(filter(_is_driven, roads), roads[0]) if road is None else roads[ids.index(road)]
-    return _Reader(chosen, lane).imported()
+    return _LaneReader(chosen, lane).imported()
 
 
 def _is_driven(road: Element) -> bool:
@@ -82,7 +82,7 @@ class _Stretch:
     section: LaneSection
     threads: dict[int, int]  # lane of the section -> number of the lane through all sections
     lane: int
-    offset: Record | None
+    offset: CubicRecord | None
 
     @property
     def middle_m(self) -> float:
@@ -149,7 +149,7 @@ class _Stretch:
         return turn / math.hypot(self._slope(s), self._along(s))
 
 
-class _Reader:
+class _LaneReader:
     """Reads one lane of one road."""
 
     def __init__(self, road: Element, lane: int | None) -> None:
@@ -166,7 +166,7 @@ class _Reader:
 
     def imported(self) -> Imported:
         stretches = self._stretches()
-        spans = [Span(s.start_m, s.end_m, s.knot, s.exact_m()) for s in stretches]
+        spans = [FittedCurve(s.start_m, s.end_m, s.knot, s.exact_m()) for s in stretches]
         closed = self._closed(spans)
         try:
             fitted = fit(spans, closed=closed)
@@ -184,7 +184,7 @@ class _Reader:
         profiles = [Profile(*each) for each in zip(elements, *parts, strict=True)]
         return Imported(self._settings(profiles, fitted, closed=closed), self._notes())
 
-    def _unfitted(self, span: Span, spans: list[Span], what: str) -> InputError:
+    def _unfitted(self, span: FittedCurve, spans: list[FittedCurve], what: str) -> InputError:
         """The refusal of a curve that no road follows, with its reason."""
         bends = ((abs(each.at(s).curvature_1pm), s, each) for each in spans for s in _places(each))
         sharpest_1pm, station_m, bent = max(bends, key=lambda bend: bend[0])
@@ -242,7 +242,7 @@ class _Reader:
                 return [part for half in halves for part in self._linear_widths(self._stretch(*half))]
         return [stretch]
 
-    def _closed(self, spans: list[Span]) -> bool:
+    def _closed(self, spans: list[FittedCurve]) -> bool:
         """True when the road is its own successor. Raises InputError when its end misses its start."""
         link = self._road.first("link/successor")
         own_start = {"elementId": self._road.text("id"), "contactPoint": "start"}
@@ -326,7 +326,7 @@ class _Reader:
         return tuple(notes)
 
 
-def _places(span: Span) -> list[float]:
+def _places(span: FittedCurve) -> list[float]:
     return [float(s) for s in np.linspace(span.start, span.end, 20)]
 
 

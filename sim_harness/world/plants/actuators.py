@@ -28,7 +28,7 @@ Pending = tuple[tuple[float, float], ...]
 Advance = Callable[[PlantState, float, float], PlantState]
 
 
-class Motion(NamedTuple):
+class Actuation(NamedTuple):
     """Output of the actuators at one instant: the inputs of the equations of motion."""
 
     speed_mps: float
@@ -78,12 +78,12 @@ class Actuators:
             left_s -= span_s
         return state
 
-    def at(self, state: PlantState) -> Motion:
+    def at(self, state: PlantState) -> Actuation:
         steering_rad, play_rad = state.road_wheel_angle_rad, state.play_rad
         tyre_rad = steering_rad + play_rad + self.offset_rad
-        return Motion(state.speed_mps, state.accel_mps2, tyre_rad, steering_rad, play_rad)
+        return Actuation(state.speed_mps, state.accel_mps2, tyre_rad, steering_rad, play_rad)
 
-    def after(self, state: PlantState, accel_demand_mps2: float, t: float) -> Motion:
+    def after(self, state: PlantState, accel_demand_mps2: float, t: float) -> Actuation:
         """The motion ``t`` [s] after ``state`` under constant demands."""
         speed_mps, accel_mps2 = self._speed(state, accel_demand_mps2, t)
         steering_rad = self._steering(state, t)
@@ -91,9 +91,11 @@ class Actuators:
         if self.friction_rad > 0.0:
             play_rad = within(state.play_rad + state.road_wheel_angle_rad - steering_rad, self.friction_rad)
         tyre_rad = steering_rad + play_rad + self.offset_rad
-        return Motion(speed_mps, accel_mps2, tyre_rad, steering_rad, play_rad)
+        return Actuation(speed_mps, accel_mps2, tyre_rad, steering_rad, play_rad)
 
-    def during(self, state: PlantState, accel_demand_mps2: float, h: float) -> tuple[Motion, Motion, Motion]:
+    def during(
+        self, state: PlantState, accel_demand_mps2: float, h: float
+    ) -> tuple[Actuation, Actuation, Actuation]:
         """The motion at the start, the middle and the end of a span of ``h`` [s] under constant demands."""
         middle = self.after(state, accel_demand_mps2, h / 2)
         return self.at(state), middle, self.after(state, accel_demand_mps2, h)
@@ -125,7 +127,11 @@ class Actuators:
 
 
 def moved(
-    state: PlantState, end: Motion, h: float, pose: tuple[float, float, float], inner: tuple[float, ...] = ()
+    state: PlantState,
+    end: Actuation,
+    h: float,
+    pose: tuple[float, float, float],
+    inner: tuple[float, ...] = (),
 ) -> PlantState:
     """``state`` after a span of ``h`` [s] that ends with the motion ``end`` at ``pose`` (x, y, yaw)."""
     x_m, y_m, yaw_rad = pose

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from sim_harness.world.plants.actuators import Motion
+from sim_harness.world.plants.actuators import Actuation
 from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.foreign import ForeignPlant, Inner, Pose
 from sim_harness.world.plants.kinematic import KinematicPlant
@@ -62,7 +62,7 @@ class CommonRoadPlant(ForeignPlant):
 
     def _integrated(
         self, state: PlantState, start: Pose, accel_demand_mps2: float, h: float
-    ) -> tuple[Pose, Motion, Inner]:
+    ) -> tuple[Pose, Actuation, Inner]:
         before, end = self.actuators.at(state), self.actuators.after(state, accel_demand_mps2, h)
         steps = math.ceil(h * self._stiffness_mps2 / (_SETTLING * state.speed_mps))
         inputs = ((end.tyre_angle_rad - before.tyre_angle_rad) / h, end.accel_mps2)
@@ -73,7 +73,7 @@ class CommonRoadPlant(ForeignPlant):
         end = end._replace(speed_mps=max(0.0, self._model.speed_mps(vector)))
         return (x_m, y_m, yaw_rad), end, vector[5:]
 
-    def _vector(self, state: PlantState, pose: Pose, motion: Motion) -> Vector:
+    def _vector(self, state: PlantState, pose: Pose, motion: Actuation) -> Vector:
         """The model's vector at ``state`` with its centre of gravity at ``pose``."""
         x_m, y_m, yaw_rad = pose
         yaw_rate_radps = self.yaw_rate_radps(state)

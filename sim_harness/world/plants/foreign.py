@@ -9,7 +9,7 @@ import math
 from abc import abstractmethod
 from typing import ClassVar
 
-from sim_harness.world.plants.actuators import Motion, moved
+from sim_harness.world.plants.actuators import Actuation, moved
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
@@ -51,5 +51,5 @@ class ForeignPlant(Plant):
     @abstractmethod
     def _integrated(
         self, state: PlantState, start: Pose, accel_demand_mps2: float, h: float
-    ) -> tuple[Pose, Motion, Inner]:
+    ) -> tuple[Pose, Actuation, Inner]:
         """Pose of the centre of gravity, motion and inner state after ``h`` from its pose ``start``."""

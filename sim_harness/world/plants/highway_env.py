@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from sim_harness.world.plants.actuators import Motion
+from sim_harness.world.plants.actuators import Actuation
 from sim_harness.world.plants.axles import axles_of
 from sim_harness.world.plants.foreign import ForeignPlant, Inner, Pose
 from sim_harness.world.plants.kinematic import KinematicPlant
@@ -52,7 +52,7 @@ class HighwayEnvPlant(ForeignPlant):
 
     def _integrated(
         self, state: PlantState, start: Pose, accel_demand_mps2: float, h: float
-    ) -> tuple[Pose, Motion, Inner]:
+    ) -> tuple[Pose, Actuation, Inner]:
         _, middle, end = self.actuators.during(state, accel_demand_mps2, h)
         car = self._car
         car.position, car.heading, car.speed = np.array(start[:2]), start[2], state.speed_mps

@@ -17,7 +17,7 @@ Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 (kinematics) and 3.3
 
 import math
 
-from sim_harness.world.plants.actuators import Motion, moved
+from sim_harness.world.plants.actuators import Actuation, moved
 from sim_harness.world.plants.axles import axles_of
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import AS_IN_THE_FILE, PlantSettings
@@ -40,7 +40,7 @@ class KinematicPlant(Plant):
         if settings.load_kg > 0.0:
             self.understeer_rad_per_mps2 = axles_of(vehicle, settings).understeer_gradient_rad_per_mps2
         # Cache: a step begins with the motion at which the last one ended.
-        self._known: Motion | None = None
+        self._known: Actuation | None = None
         self._known_rate = 0.0  # yaw rate of that motion
         self._last: PlantState | None = None  # state with that motion
 
@@ -96,7 +96,7 @@ class KinematicPlant(Plant):
         return (math.copysign(left_mps2, lateral_mps2) - self.bank_mps2) / (speed_mps * speed_mps)
 
     def pose_after(
-        self, pose: tuple[float, float, float], start: Motion, middle: Motion, end: Motion, h: float
+        self, pose: tuple[float, float, float], start: Actuation, middle: Actuation, end: Actuation, h: float
     ) -> tuple[float, float, float]:
         """(x, y, yaw) one Runge-Kutta step of ``h`` [s] after ``pose``, with the motion at start, middle and end.
 
@@ -120,7 +120,7 @@ class KinematicPlant(Plant):
         self._last = moved(state, end, h, pose)
         return self._last
 
-    def _yaw_rate(self, motion: Motion) -> float:
+    def _yaw_rate(self, motion: Actuation) -> float:
         if motion is not self._known and motion != self._known:
             speed_mps, accel_mps2, angle_rad, _, _ = motion
             self._known_rate = speed_mps * self.curvature_1pm(angle_rad, speed_mps, accel_mps2)

@@ -21,7 +21,7 @@ Axle equations: Rajamani, Vehicle Dynamics and Control (2012), section 2.3. Tyre
 
 import math
 
-from sim_harness.world.plants.actuators import Motion, moved
+from sim_harness.world.plants.actuators import Actuation, moved
 from sim_harness.world.plants.axles import Axles, axles_of
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.plant import Plant
@@ -104,7 +104,7 @@ class SingleTrackPlant(Plant):
         rear = _tyre_force_n(-math.atan(drift), axles.rear_stiffness_nprad, axles.rear_mass_kg * left_mps2)
         return front, rear
 
-    def rates(self, pose: tuple[float, ...], motion: Motion) -> tuple[float, ...]:
+    def rates(self, pose: tuple[float, ...], motion: Actuation) -> tuple[float, ...]:
         """Time derivatives of (x, y, ψ, β, κ) while the actuators are in ``motion``."""
         speed_mps, accel_mps2, angle_rad, _, _ = motion
         _, _, yaw_rad, drift, curvature = pose

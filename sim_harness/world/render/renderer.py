@@ -27,7 +27,7 @@ from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.relief import Relief
 from sim_harness.world.render.scene.things import Thing, draw_thing
 from sim_harness.world.render.scene.vehicles import Body, Upright, draw_lead
-from sim_harness.world.render.scene.view import STILL, Motion, Shot, View
+from sim_harness.world.render.scene.view import STILL, Shot, ShutterMotion, View
 from sim_harness.world.render.scene.walls import Walls
 from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import Disturbance, disturbed
@@ -114,7 +114,7 @@ class Renderer:
         station_m: float | None = None,
         lead: Pose | None = None,
         vehicles: Sequence[tuple[Pose, Upright]] = (),
-        motion: Motion = STILL,
+        motion: ShutterMotion = STILL,
         light: Light | None = None,
     ) -> Image:
         """The frame of a vehicle with its rear axle at (x, y, yaw).

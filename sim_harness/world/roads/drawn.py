@@ -19,7 +19,7 @@ ARC_RAD = (0.7, 1.3)  # turn of an arc, without its clothoids
 SPEEDS_MPS = {"straight": 10.0, "bend": 8.0, "tight": 5.0}
 
 
-class Kind(StrEnum):
+class MarkingKind(StrEnum):
     """Kinds of markings, and of surfaces without markings."""
 
     WHITE = "white"  # two lanes, dashed centre line, solid edges
@@ -36,21 +36,21 @@ class Kind(StrEnum):
     GRAVEL = "gravel"  # gravel in dry grass
 
 
-UNMARKED = (Kind.ASPHALT, Kind.BROKEN, Kind.GRAVEL)
+UNMARKED = (MarkingKind.ASPHALT, MarkingKind.BROKEN, MarkingKind.GRAVEL)
 
 
-class Shape(StrEnum):
+class BendShape(StrEnum):
     STRAIGHT = "straight"  # R ≥ 300 m
     BEND = "bend"  # R = 40 to 120 m
     TIGHT = "tight"  # R = 12 to 30 m
 
 
-RADII_M = {Shape.STRAIGHT: (300.0, 1500.0), Shape.BEND: (40.0, 120.0), Shape.TIGHT: (12.0, 30.0)}
+RADII_M = {BendShape.STRAIGHT: (300.0, 1500.0), BendShape.BEND: (40.0, 120.0), BendShape.TIGHT: (12.0, 30.0)}
 
 
 def random_road(
-    kind: Kind,
-    shape: Shape,
+    kind: MarkingKind,
+    shape: BendShape,
     rng: np.random.Generator,
     *,
     gap_m: tuple[float, float] | None = None,
@@ -81,7 +81,7 @@ def random_road(
 
 
 def random_segments(
-    shape: Shape, rng: np.random.Generator, *, straight_m: float = 0.0
+    shape: BendShape, rng: np.random.Generator, *, straight_m: float = 0.0
 ) -> tuple[Segment, ...]:
     """A straight of 25 m or more, a bend to either side with clothoids, a straight."""
     low_m, high_m = RADII_M[shape]
@@ -97,7 +97,7 @@ def random_segments(
     )
 
 
-def random_section(kind: Kind, rng: np.random.Generator) -> Section:
+def random_section(kind: MarkingKind, rng: np.random.Generator) -> Section:
     """A random section of a road of this kind."""
     line = partial(_line, rng)
     solid, dashed = line(), line(Stroke.DASHED)
@@ -106,29 +106,29 @@ def random_section(kind: Kind, rng: np.random.Generator) -> Section:
     two_lanes = {"left_lanes": (far,), "right": solid, "paved_right_m": shoulder_m}
     look: dict[str, object]
     match kind:
-        case Kind.WHITE:
+        case MarkingKind.WHITE:
             look = {**two_lanes, "left": dashed}
-        case Kind.YELLOW:
+        case MarkingKind.YELLOW:
             look = {**two_lanes, "left": line(paint=Paint.YELLOW)}
-        case Kind.DOUBLE:
+        case MarkingKind.DOUBLE:
             look = {**two_lanes, "left": line(Stroke.DOUBLE_SOLID, paint=Paint.YELLOW)}
-        case Kind.DASHED:
+        case MarkingKind.DASHED:
             look = {"left": dashed, "right": line(Stroke.DASHED), "left_lanes": (far,), "right_lanes": (far,)}
-        case Kind.ONE_LINE:
+        case MarkingKind.ONE_LINE:
             bare = (NeighbourLane(marking=NONE),)
             look = {"left": NONE, "right": solid, "left_lanes": bare, "paved_right_m": shoulder_m}
             if rng.random() < 0.5:
                 look = {"left": solid, "right": NONE, "right_lanes": bare}
-        case Kind.WORN:
+        case MarkingKind.WORN:
             wear = rng.uniform(0.4, 0.7, 2).tolist()
             lines = {"left": line(Stroke.DASHED, wear=wear[0]), "right": line(wear=wear[1])}
             look = {**two_lanes, **lines, "patchiness": 0.8}
-        case Kind.CONCRETE:
+        case MarkingKind.CONCRETE:
             grey = float(rng.uniform(0.52, 0.66))
             look = {**two_lanes, "left": dashed, "surface": Surface.CONCRETE, "surface_grey": grey}
-        case Kind.INTERRUPTED:
+        case MarkingKind.INTERRUPTED:
             look = {**two_lanes, "left": line(gaps_m=_gaps(rng)), "right": line(gaps_m=_gaps(rng))}
-        case Kind.MULTI_LANE:
+        case MarkingKind.MULTI_LANE:
             look = {"left": dashed, "right": line(Stroke.DASHED), "paved_right_m": 2.5}
             look |= {"left_lanes": (lane, far), "right_lanes": (far,)}
         case _:
@@ -163,16 +163,16 @@ def _ordinary(rng: np.random.Generator) -> dict[str, object]:
     }
 
 
-def _unmarked(kind: Kind, rng: np.random.Generator) -> dict[str, object]:
+def _unmarked(kind: MarkingKind, rng: np.random.Generator) -> dict[str, object]:
     """A carriageway without markings, which is the lane."""
     look: dict[str, object] = {"left": NONE, "right": NONE, "paved_left_m": 0.0, "paved_right_m": 0.0}
     match kind:
-        case Kind.ASPHALT:
+        case MarkingKind.ASPHALT:
             look |= {"edge_roughness_m": 0.04}
-        case Kind.BROKEN:
+        case MarkingKind.BROKEN:
             look |= {"edge_breaks": float(rng.uniform(0.2, 0.5)), "edge_roughness_m": 0.08, "patchiness": 1.0}
         case _:
             grey = float(rng.uniform(0.48, 0.6))
             look |= {"surface": Surface.GRAVEL, "surface_grey": grey, "edge_roughness_m": 0.1}
-    other = Verge.SOIL if kind == Kind.BROKEN else Verge.DRY_GRASS
+    other = Verge.SOIL if kind == MarkingKind.BROKEN else Verge.DRY_GRASS
     return look | {"verge": str(rng.choice([Verge.GRASS, other]))}

@@ -10,7 +10,7 @@ import pytest
 
 from cockpit.calibration.camera_cli import camera_yaml
 from cockpit.calibration.winding_drive import DrivenFrame, camera_by_driving, recorded_frames
-from lab.bench.perception.unknown_camera import Moment, unknown_drive
+from lab.bench.perception.unknown_camera import OdometryFrame, unknown_drive
 from trepid.__main__ import main
 from trepid.car.camera import Camera
 from trepid.config import InputError
@@ -23,7 +23,7 @@ FIRST_S = 100.0
 
 
 @cache
-def drive() -> tuple[Camera, tuple[Moment, ...]]:
+def drive() -> tuple[Camera, tuple[OdometryFrame, ...]]:
     one = unknown_drive(SEED, NUMBER)
     return one.camera, tuple(one.moments())
 

@@ -19,7 +19,7 @@ from trepid.cli import main
 from trepid.config import CAR, ROOT, InputError
 from trepid.messages import VehicleState
 from trepid.processes.settings import ProcessSpec, load_processes
-from vehicle.cameras.source import Drive
+from vehicle.cameras.source import SourceContext
 from vehicle.keys.certificates import create
 
 FOUR = ("vehicle.yaml", "camera.yaml", "fear.yaml", "drive.yaml")
@@ -301,7 +301,7 @@ def test_a_camera_gets_the_clock_of_a_drive(car: Path, monkeypatch: pytest.Monke
     """The stamps of a topic of ROS 2 are compared with it."""
     now_s: list[float] = []
 
-    def build(drive: Drive) -> None:
+    def build(drive: SourceContext) -> None:
         now_s.append(drive.now_s())
         raise InputError("no camera here")
 

@@ -11,11 +11,11 @@ from live_page_rig import truth
 from message_rig import SHUTTLE, decision, estimate, state
 
 from cockpit.page.feed import Feed
-from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, Timelines, Track
+from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, PathHistory, Timelines
 from cockpit.page.hub import HEADER, Hub, Viewer, packed
 from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px, people_px
 from cockpit.page.stop import RELEASE_S, REPEAT_S, UNDELIVERED_S, StopSender
-from cockpit.page.view import LATE_BEAT_S, View
+from cockpit.page.view import LATE_BEAT_S, PageView
 from trepid.bus import Bus
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -38,7 +38,7 @@ def test_timelines_are_due_at_their_rate_and_hold_the_newest_samples():
 
 
 def test_the_path_of_a_circle_by_speed_and_yaw_rate_closes():
-    track, turns, radius_m, speed_mps = Track(), 1, 20.0, 5.0
+    track, turns, radius_m, speed_mps = PathHistory(), 1, 20.0, 5.0
     period_s = 2 * math.pi * turns * radius_m / speed_mps
     for t_s in np.linspace(0.0, period_s, 300):
         track.add(state(float(t_s), speed_mps=speed_mps, yaw_rate_radps=speed_mps / radius_m), None, 0.1)
@@ -50,17 +50,17 @@ def test_the_path_of_a_circle_by_speed_and_yaw_rate_closes():
 
 
 def test_the_path_is_the_true_one_where_there_is_one_and_is_not_invented_without_measurement():
-    track = Track()
+    track = PathHistory()
     track.add(state(0.0), truth(0.0, 12.0, 0.0), None)
     track.add(state(0.1), None, None)
     assert track.pose == (12.0, 0.0, 0.0) and track.true
-    unknown = Track()
+    unknown = PathHistory()
     unknown.add(state(0.0, yaw_rate_radps=None), None, 0.1)
     assert unknown.pose is None and unknown.count == 0
 
 
 def test_a_long_path_is_thinned_and_every_viewer_learns_it():
-    track = Track()
+    track = PathHistory()
     for number in range(2 * MAX_POINTS):
         track.add(None, truth(0.1 * number, float(number), 0.0), 0.2)
     assert track.count <= MAX_POINTS and track.thinned >= 1
@@ -183,11 +183,14 @@ class Air:
         return [(key, to_cdr(sent[key]), now_s)] if key in sent else []
 
 
-def idle_page() -> tuple[Air, Hub, View, StopSender]:
+def idle_page() -> tuple[Air, Hub, PageView, StopSender]:
     air = Air()
     bus = cast(Bus, air)
     feed = Feed(bus, ["cv"])
-    view, stop = View(feed, CAMERA, SHUTTLE, holder="car", what="test"), StopSender(bus, lambda: air.now_s)
+    view, stop = (
+        PageView(feed, CAMERA, SHUTTLE, holder="car", what="test"),
+        StopSender(bus, lambda: air.now_s),
+    )
     return air, Hub(feed, view, stop, lambda: air.now_s), view, stop
 
 

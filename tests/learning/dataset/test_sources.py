@@ -12,8 +12,8 @@ import pytest
 from drive_rig import picture, steering_of, write_pictures, write_table, write_tub, write_tub_1, write_udacity
 
 from learning.dataset.build import read_log
-from learning.dataset.pictures import Pictures
-from learning.dataset.sources.log import Faults, Log, Steering
+from learning.dataset.pictures import PictureReader
+from learning.dataset.sources.log import Faults, Log, SteeringUnit
 from learning.dataset.sources.table import MPS_PER_MPH, TableOptions
 from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
 from trepid.config import InputError, use_car
@@ -37,7 +37,7 @@ def test_tub_2_honours_deleted_records_and_leaves_out_the_pilot(tmp_path: Path) 
     log, faults = read(tub)
     assert [n for n, why in enumerate(log.why) if why == "deleted in the tub"] == [3, 4]
     assert [n for n, why in enumerate(log.why) if why == "driven by a pilot"] == [8]
-    assert log.steering == pytest.approx(steering_of(30)) and log.unit == Steering.LOCK
+    assert log.steering == pytest.approx(steering_of(30)) and log.unit == SteeringUnit.LOCK
     assert np.diff(log.t_s) == pytest.approx(0.05, abs=1e-6)
     assert faults.count == 0
 
@@ -200,7 +200,7 @@ def test_images_by_paths_of_another_machine_are_found_beside_the_log(tmp_path: P
     text = (folder / "driving_log.csv").read_text()
     (folder / "driving_log.csv").write_text(text.replace("IMG/", r"C:\Users\me\Desktop\IMG/"))
     log, _ = read(folder)
-    assert Pictures(log.root).read(log.image[3], -1).shape == (48, 64, 3)
+    assert PictureReader(log.root).read(log.image[3], -1).shape == (48, 64, 3)
 
 
 def table(folder: Path, **columns: object) -> Path:
@@ -219,16 +219,16 @@ def test_a_table_names_the_columns_that_were_chosen(tmp_path: Path) -> None:
 def test_a_column_of_a_table_can_be_named(tmp_path: Path) -> None:
     path = table(tmp_path, hand=[90.0] * 20)
     log, _ = read(path, TableOptions({"steering_wheel_angle_deg": "hand"}))
-    assert log.unit == Steering.WHEEL and log.left_positive
+    assert log.unit == SteeringUnit.WHEEL and log.left_positive
     assert log.steering == pytest.approx(math.pi / 2)
 
 
 def test_a_named_column_counts_before_those_that_are_found(tmp_path: Path) -> None:
     steering = {"steering_wheel_angle_deg": [90.0] * 20, "cmd": [0.5] * 20}
     log, _ = read(table(tmp_path, **steering), TableOptions({"steering": "cmd"}))
-    assert log.unit == Steering.LOCK and log.steering == pytest.approx(0.5)
+    assert log.unit == SteeringUnit.LOCK and log.steering == pytest.approx(0.5)
     log, _ = read(table(tmp_path, **steering))
-    assert log.unit == Steering.WHEEL
+    assert log.unit == SteeringUnit.WHEEL
 
 
 def test_a_column_that_is_named_for_the_image_is_no_number_of_a_frame(tmp_path: Path) -> None:
@@ -280,7 +280,7 @@ def test_rows_can_describe_the_frames_of_a_video(tmp_path: Path) -> None:
     writer.release()
     path = write_table(tmp_path, {"frame": [0, 5, 10], "t_s": [0.0, 0.5, 1.0], "steering": [0.0, 0.1, 0.2]})
     log, _ = read(path, TableOptions(video=video))
-    pictures = Pictures(log.root)
+    pictures = PictureReader(log.root)
     for number in (10, 0, 5):  # forwards and back
         read_back = pictures.read("drive.avi", number)
         assert np.abs(read_back.astype(int) - picture(float(steering_of(20)[number]), number)).mean() < 12
@@ -339,9 +339,10 @@ def no_car() -> Iterator[None]:
 def test_the_angle_of_a_recording_is_that_at_the_capture_time(tmp_path: Path) -> None:
     log, _ = read(recorded(tmp_path / "drive.mcap"))
     assert log.steering[5] == pytest.approx(0.1 * 0.51)
-    assert log.unit == Steering.ROAD and log.left_positive
+    assert log.unit == SteeringUnit.ROAD and log.left_positive
     assert (
-        np.abs(Pictures(log.root, log.topic).read("drive.mcap", 3).astype(int) - picture(0.0, 15)).mean() < 12
+        np.abs(PictureReader(log.root, log.topic).read("drive.mcap", 3).astype(int) - picture(0.0, 15)).mean()
+        < 12
     )
 
 

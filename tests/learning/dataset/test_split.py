@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from learning.dataset.dataset import NONE, Split
-from learning.dataset.likeness import Look
+from learning.dataset.likeness import ImageMeasurements
 from learning.dataset.split import ALIKE_WHY, GAP, divided, stretches
 from trepid.config import InputError
 
@@ -20,10 +20,10 @@ def by_time(gap_s: float = 2.0) -> Split:
     return Split(by="time", seed=0, gap_s=gap_s, shares=SHARES)
 
 
-def different(count: int) -> Look:
+def different(count: int) -> ImageMeasurements:
     """Images that do not look alike."""
     random = np.random.default_rng(0)
-    return Look(
+    return ImageMeasurements(
         light=np.full(count, 0.5, np.float32),
         hash=random.integers(0, 2**63, count).astype(np.uint64),
         small=random.integers(0, 255, (count, 24, 32)).astype(np.uint8),

@@ -12,7 +12,7 @@ from driving_network_rig import write_network
 
 from learning.dataset.dataset import Dataset
 from learning.judging.evaluate import Bench, light_names
-from learning.judging.predictions import Model
+from learning.judging.predictions import JudgedModel
 from learning.judging.sheet import occlusion
 from perception.net.driver import DriverNetwork
 
@@ -104,10 +104,10 @@ def test_a_lane_estimator_is_scored_on_the_frames_that_it_answers(data, capsys):
 
 
 def test_a_recurrent_network_is_judged_with_its_memory(data, tmp_path):
-    model = Model(str(write_network(tmp_path / "mem.onnx", memory=True, gain_rad=3.0)))
+    model = JudgedModel(str(write_network(tmp_path / "mem.onnx", memory=True, gain_rad=3.0)))
     rows = data.rows("test")
     angle_rad = model.predict(data, rows).angle_rad
-    now = Model(str(write_network(tmp_path / "now.onnx", gain_rad=3.0))).predict(data, rows).angle_rad
+    now = JudgedModel(str(write_network(tmp_path / "now.onnx", gain_rad=3.0))).predict(data, rows).angle_rad
     expected = [now[0] / 2]
     for value in now[1:]:
         expected.append((expected[-1] + value) / 2)
@@ -115,7 +115,7 @@ def test_a_recurrent_network_is_judged_with_its_memory(data, tmp_path):
 
 
 def test_the_worst_frames_are_apart_and_sorted_by_error(data, turn):
-    bench, model = Bench(data, "test"), Model(str(turn))
+    bench, model = Bench(data, "test"), JudgedModel(str(turn))
     found = model.predict(data, bench.rows)
     worst = bench.worst(found)
     error = np.abs(np.degrees(found.angle_rad) - bench.true_deg)

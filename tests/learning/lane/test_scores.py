@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from learning.lane.scores import Task, auroc, calibrate, expected_calibration_error
+from learning.lane.scores import PursuitTask, auroc, calibrate, expected_calibration_error
 from trepid.car.vehicle import road_wheel_angle
 from trepid.clothoid import Lane
 
@@ -67,7 +67,7 @@ def test_auroc_counts_the_pairs_in_the_right_order():
 def test_the_task_is_the_pure_pursuit_of_the_clothoid(offset, heading, curvature, ahead):
     reach, lookahead = 8.0, 10.0
     share = reach / (3 * lookahead)
-    task = Task(1.75, np.array([-2 / reach**2, -2 / reach, 1 - share, share]))
+    task = PursuitTask(1.75, np.array([-2 / reach**2, -2 / reach, 1 - share, share]))
     command = Lane(offset, heading, curvature, (ahead - curvature) / lookahead).pursuit_curvature(reach)
     angle = task.road_wheel_angle(np.array([[offset, heading, curvature, ahead]]))[0]
     assert angle == pytest.approx(road_wheel_angle(command, wheelbase_m=1.75), abs=1e-9)

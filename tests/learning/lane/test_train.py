@@ -13,7 +13,7 @@ from learning.drawn_frames import road_samples
 from learning.lane.frames import (
     MOUNTS,
     Mounts,
-    Shot,
+    TrainingShot,
     circuit_frames,
     mounted,
     mounted_frames,
@@ -29,7 +29,7 @@ from trepid.config import CONFIG_DIR, InputError, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 CANONICAL = cropped(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
-SHOT = Shot(CAMERA, CANONICAL, lookahead_m=10.0, frames_per_road=2)
+SHOT = TrainingShot(CAMERA, CANONICAL, lookahead_m=10.0, frames_per_road=2)
 
 
 def silent(text: str) -> None:
@@ -81,7 +81,9 @@ def test_the_labels_from_a_higher_camera_are_those_of_a_smaller_world():
     high = CAMERA.model_copy(update=dict(height_m=1.5 * CAMERA.height_m))
     samples = list(road_samples(7, CAMERA, frames=2, ahead_m=15.0))
     view = CanonicalView(high, CANONICAL)
-    for row, sample in zip(Shot(high, CANONICAL, 10.0, 2).labelled(samples).lanes, samples, strict=True):
+    for row, sample in zip(
+        TrainingShot(high, CANONICAL, 10.0, 2).labelled(samples).lanes, samples, strict=True
+    ):
         lane, width_m = lane_of_row(row, 10.0)
         assert view.lane(lane)[:4] == pytest.approx(sample.lane[:4], abs=1e-5)
         assert 1.5 * width_m == pytest.approx(sample.lane_width_m, rel=1e-5)

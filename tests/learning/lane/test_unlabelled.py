@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from learning.lane.scores import Prediction, Task
+from learning.lane.scores import Prediction, PursuitTask
 from learning.lane.unlabelled import Unlabelled, none_of, read_drives, self_labelled
 from perception.net.canonical import cropped
 from trepid.car.camera import Camera
@@ -16,7 +16,7 @@ from trepid.config import CONFIG_DIR, InputError, load
 CANONICAL = cropped(
     load(CONFIG_DIR / "camera.yaml", Camera), top_px=82, bottom_px=202, width_px=200, height_px=66
 )
-TASK = Task(wheelbase_m=2.7, command_row=np.array([-2 / 64, 0.0, 0.0, 0.0]))
+TASK = PursuitTask(wheelbase_m=2.7, command_row=np.array([-2 / 64, 0.0, 0.0, 0.0]))
 AGREE_RAD = math.radians(1.0)
 STEP_M = 0.1  # of the offset for one grey level: 0.48 deg of the road wheels
 

@@ -18,7 +18,7 @@ from learning.models.parts.heads import BINS, HEADS, Categorical  # noqa: E402
 from learning.models.parts.memory import LSTM, SimpleRNN  # noqa: E402
 from learning.models.parts.motion import Shift, Standardised  # noqa: E402
 from learning.models.parts.network import Exported, Size  # noqa: E402
-from learning.models.parts.view import View  # noqa: E402
+from learning.models.parts.view import InputView  # noqa: E402
 from learning.models.parts.weights import load_trunk  # noqa: E402
 from trepid.config import InputError  # noqa: E402
 
@@ -180,22 +180,22 @@ def test_the_likelihood_is_greatest_where_the_scale_is_the_error(name, squared):
 
 def test_the_planes_y_u_v_are_those_of_opencv():
     image = np.random.default_rng(0).integers(0, 256, (1, 24, 32, 3)).astype(np.uint8)
-    found = View(colour="yuv")(torch.from_numpy(image))[0].permute(1, 2, 0).numpy() * 255
+    found = InputView(colour="yuv")(torch.from_numpy(image))[0].permute(1, 2, 0).numpy() * 255
     wanted = cv2.cvtColor(image[0], cv2.COLOR_BGR2YUV).astype(float)
     assert np.abs(np.clip(found, 0, 255) - wanted).max() <= 2
 
 
 def test_a_matched_histogram_does_not_depend_on_the_exposure():
-    view = View(histogram="match")
+    view = InputView(histogram="match")
     image = np.random.default_rng(0).integers(40, 120, (1, 24, 32, 1)).repeat(3, axis=3).astype(np.uint8)
     view.match(np.bincount(image[..., 0].ravel(), minlength=256))
     plain, doubled = view(torch.from_numpy(image)), view(torch.from_numpy(image * 2))
     assert float((plain - doubled).abs().max()) <= 2 / 255
-    assert float((plain - View()(torch.from_numpy(image))).abs().max()) <= 2 / 255
+    assert float((plain - InputView()(torch.from_numpy(image))).abs().max()) <= 2 / 255
 
 
 def test_a_saturated_half_of_a_frame_gets_the_middle_of_what_it_was():
-    view = View(histogram="match")
+    view = InputView(histogram="match")
     image = np.random.default_rng(0).integers(0, 200, (1, 64, 64, 1)).repeat(3, axis=3).astype(np.uint8)
     view.match(np.bincount(image[..., 0].ravel(), minlength=256))
     saturated = np.where(image >= 100, 255, image).astype(np.uint8)

@@ -15,7 +15,7 @@ from drive_rig import made_dataset, run, write_tub  # noqa: E402
 
 from learning.dataset.dataset import Dataset  # noqa: E402
 from learning.models.catalogue import MODELS  # noqa: E402
-from perception.net.driver import DriverNetwork, Steering  # noqa: E402
+from perception.net.driver import DriverNetwork, NetworkOutput  # noqa: E402
 from trepid.types import Image  # noqa: E402
 
 pytestmark = pytest.mark.long
@@ -46,7 +46,7 @@ def weights(data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def steer(weights: Path, image: Image) -> Steering:
+def steer(weights: Path, image: Image) -> NetworkOutput:
     network = DriverNetwork(weights)
     return network(image, network.initial_state)
 

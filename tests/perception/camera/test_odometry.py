@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from lab.bench.perception.unknown_camera import Moment, unknown_drive
-from perception.camera.odometry import MAX_PAIRS, DriveOptics, Odometry
+from lab.bench.perception.unknown_camera import OdometryFrame, unknown_drive
+from perception.camera.odometry import MAX_PAIRS, DriveOptics, StateOdometry
 
 SEED, NUMBER = 7, 2  # double yellow line
 
@@ -31,7 +31,7 @@ def assumed(**changes):
 def measured(optics: DriveOptics, moments, **changes):
     found = None
     for moment in moments:
-        one: Moment = moment._replace(**changes)
+        one: OdometryFrame = moment._replace(**changes)
         found = optics.step(one.image, one.t_s, one.speed_mps, one.yaw_rate_radps) or found
     return found
 
@@ -58,13 +58,13 @@ def test_a_wide_image_gives_pixels_of_its_own_size():
 
 
 def test_the_speed_alone_measures_no_focal_length():
-    found = measured(DriveOptics(assumed(), Odometry.WAY), drive()[1][:60])
+    found = measured(DriveOptics(assumed(), StateOdometry.WAY), drive()[1][:60])
     assert found.focal_px is None and found.focal_height_pxm > 0
 
 
 def test_without_odometry_or_speed_nothing_is_measured():
     moments = drive()[1][:40]
-    assert measured(DriveOptics(assumed(), Odometry.NONE), moments) is None
+    assert measured(DriveOptics(assumed(), StateOdometry.NONE), moments) is None
     assert measured(DriveOptics(assumed()), moments, speed_mps=None) is None
     assert measured(DriveOptics(assumed()), moments, speed_mps=0.0) is None
 
@@ -95,6 +95,6 @@ def test_the_number_of_pairs_is_bounded():
     steady = [one._replace(t_s=0.05 * number) for number, one in enumerate(forth_and_on)]
     measured(optics, steady)
     assert optics.complete and optics.pairs == MAX_PAIRS
-    straight = DriveOptics(assumed(), Odometry.WAY)
+    straight = DriveOptics(assumed(), StateOdometry.WAY)
     measured(straight, steady)
     assert straight.pairs == MAX_PAIRS // 2

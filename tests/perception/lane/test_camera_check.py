@@ -5,7 +5,7 @@ from perception.estimators import lane_cv_settings
 from perception.lane.camera_check import CameraCheck
 from perception.lane.model.evidence import NO_SUPPORT, BoundarySupport, LaneFit
 from perception.lane.model.geometry import KAPPA, PITCH, PSI, LaneState
-from perception.lane.model.prediction import Motion
+from perception.lane.model.prediction import VehicleMotion
 
 SETTINGS = lane_cv_settings().camera_check
 SEEN = BoundarySupport(excess=1.0, extent_m=20.0, seen=True)
@@ -30,7 +30,7 @@ def driven(
         rate = SPEED_MPS * curvature_1pm + (heading - before) / DT_S
         before = heading
         fit = detected(curvature_1pm=measured_1pm, pitch_rad=pitch_rad, heading_rad=heading)
-        check.step(fit, Motion(SPEED_MPS, rate), dt_s=DT_S)
+        check.step(fit, VehicleMotion(SPEED_MPS, rate), dt_s=DT_S)
 
 
 def test_without_frames_no_error_is_known():
@@ -62,6 +62,6 @@ def test_a_heading_from_before_a_gap_measures_no_turn(gap, dt_s):
     check = CameraCheck(SETTINGS)
     driven(check, 40.0, curvature_1pm=0.03, measured_1pm=0.03)
     ratio = check.error.height_ratio
-    check.step(gap, Motion(SPEED_MPS, 0.24), dt_s=dt_s)
-    check.step(detected(curvature_1pm=0.03, heading_rad=0.5), Motion(SPEED_MPS, 0.24), dt_s=DT_S)
+    check.step(gap, VehicleMotion(SPEED_MPS, 0.24), dt_s=dt_s)
+    check.step(detected(curvature_1pm=0.03, heading_rad=0.5), VehicleMotion(SPEED_MPS, 0.24), dt_s=DT_S)
     assert check.error.height_ratio == ratio

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
 
-from perception.camera.odometry import Odometry
+from perception.camera.odometry import StateOdometry
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import build_beside, entry_of
 from perception.lane.model.geometry import WIDTH, E
-from perception.lane.model.prediction import Motion
+from perception.lane.model.prediction import VehicleMotion
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair
-from perception.lane.street.profile import Course
+from perception.lane.street.profile import StreetCourse
 from perception.lane.which_lane import Kept, WhichLane, lit, moved, scaled
 from trepid.car.vehicle import Traffic
 from trepid.messages import Frame, VehicleState
@@ -66,8 +66,8 @@ def test_the_side_of_the_traffic_is_that_of_the_car_file(traffic, on_left):
 
 def test_kept_pairs_move_against_the_vehicle():
     line = Boundary(1.6, BoundaryKind.LINE, 0.5, 0.9)
-    kept = Kept(0.0, Course(0.1, 0.0, 0.4), (Pair(line, line, 0.5, 1.0),))
-    (pair,) = moved(kept, Motion(10.0, None), 0.1)
+    kept = Kept(0.0, StreetCourse(0.1, 0.0, 0.4), (Pair(line, line, 0.5, 1.0),))
+    (pair,) = moved(kept, VehicleMotion(10.0, None), 0.1)
     assert pair.left.left_m == pytest.approx(1.6 - 0.1, abs=0.01)
 
 
@@ -83,7 +83,7 @@ def test_estimators_of_an_assumed_camera_share_their_lane_finder_and_estimate_as
     camera = assumed(images[0])
     frames = [Frame(t_s=0.04 * number, image=image) for number, image in enumerate(images)]
     alone = {name: entry_of(name).build(camera, VEHICLE, assumed=True) for name in ("cnn", "cv")}
-    beside = build_beside(alone, camera, VEHICLE, assumed=True, odometry=Odometry.NONE)
+    beside = build_beside(alone, camera, VEHICLE, assumed=True, odometry=StateOdometry.NONE)
     assert beside["cnn"]._witness is beside["cv"]
     for frame in frames:
         for name, one in alone.items():
@@ -103,7 +103,7 @@ def test_a_small_car_with_an_assumed_camera_has_a_lane_of_its_own_size(scale):
     vehicle = VEHICLE.model_copy(update={"lane_width_m": 3.3 * scale})
     image = road(STRAIGHT, camera=DASHCAM, width_m=3.3)
     camera = assumed(image).model_copy(update={"height_m": 1.3 * scale, "x_m": 1.7 * scale})
-    built = build_beside(["cv"], camera, vehicle, assumed=True, odometry=Odometry.NONE)
+    built = build_beside(["cv"], camera, vehicle, assumed=True, odometry=StateOdometry.NONE)
     seen = built["cv"].step(Frame(t_s=0.0, image=image), None, now_s=0.0)
     assert seen.lane_width_m == pytest.approx(3.3 * scale, rel=0.15)
 

@@ -12,7 +12,7 @@ from onnx import TensorProto, helper, save
 from scipy.stats import norm
 
 from perception.estimators import build, entry_of, name_of
-from perception.net.driver import Driver, DriverNetwork, DriverRecord
+from perception.net.driver import DriverNetwork, DriverRecord, DrivingEstimator
 from supervisor.path.fusion import information
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -23,11 +23,11 @@ VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 
 
-def driver(path: Path) -> Driver:
-    return Driver("turn", DriverNetwork(path), VEHICLE)
+def driver(path: Path) -> DrivingEstimator:
+    return DrivingEstimator("turn", DriverNetwork(path), VEHICLE)
 
 
-def step(one: Driver, image: np.ndarray, t_s: float = 0.0) -> SteeringEstimate:
+def step(one: DrivingEstimator, image: np.ndarray, t_s: float = 0.0) -> SteeringEstimate:
     return one.step(Frame(t_s=t_s, image=image), None, now_s=t_s)
 
 

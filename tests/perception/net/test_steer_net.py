@@ -11,7 +11,7 @@ from net_rig import CAMERA, SETTINGS, VEHICLE, measurements, step
 
 from perception.lane.settings import steering_settings
 from perception.net.session import load_record
-from perception.net.steer_net import Network, Record, SteerNet, SteerNetSettings, World, ahead_sigma_m
+from perception.net.steer_net import Network, SteerNet, SteerNetRecord, SteerNetSettings, World, ahead_sigma_m
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from trepid.config import ROOT, InputError
@@ -97,11 +97,11 @@ def test_a_record_of_other_weights_is_refused(tmp_path: Path):
     record = json.loads(WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
     weights.with_suffix(".json").write_text(json.dumps(record), encoding="utf-8")
     with pytest.raises(InputError, match="other weights"):
-        load_record(weights, Record)
+        load_record(weights, SteerNetRecord)
 
 
 def test_the_record_contains_training_and_scores_of_the_shipped_weights():
-    record: Record = load_record(WEIGHTS, Record)
+    record: SteerNetRecord = load_record(WEIGHTS, SteerNetRecord)
     assert record.sha256 == hashlib.sha256(WEIGHTS.read_bytes()).hexdigest()
     assert record.command.startswith("trepid train-lane") and record.date and record.versions["torch"]
     assert record.recipe["seed"] is not None and record.scores["test_roads"]["road_wheel_angle_deg"] > 0

@@ -24,7 +24,7 @@ from perception.techniques.boundaries import outliers
 from perception.techniques.image import edges, stripes, surface
 from perception.techniques.image.colour import grey
 from perception.techniques.image.light import gaussian
-from perception.techniques.image.picture import Boundaries, Box, Evidence, Features, Kind
+from perception.techniques.image.picture import Boundaries, Evidence, FeatureKind, Features, PixelBox
 from perception.techniques.image.warp import bird_eye
 from perception.techniques.stages import KINDS
 
@@ -59,7 +59,7 @@ def road_of(lane=LANE, width_m=4.6, verge=None):
 def test_an_even_picture_has_no_line(name, image):
     seen = FEATURES[name](image, VIEW)
     assert seen.response.shape == (240, 320) and np.isfinite(seen.response).all()
-    if seen.kind is Kind.LINE:
+    if seen.kind is FeatureKind.LINE:
         assert not seen.response.any()
 
 
@@ -141,7 +141,7 @@ def test_sobel_and_prewitt_measure_grey_levels_per_pixel():
     ramp = np.tile(np.arange(0, 240, 3), (240, 1)).astype(np.uint8)
     ramp[:, 40] += 6
     for name in ("sobel", "prewitt"):
-        seen = FEATURES[name](ramp, VIEW.cropped(Box(0, 240, 0, 80)), least=1.0).response
+        seen = FEATURES[name](ramp, VIEW.cropped(PixelBox(0, 240, 0, 80)), least=1.0).response
         assert seen[100, 39] == pytest.approx(6.0, abs=0.01)
 
 
@@ -221,13 +221,13 @@ def test_outlier_stages_only_remove_and_keep_the_lane(name):
     image = road(LANE, verge_m=WIDE)
     seen, view = line_features(image)
     kept = OUTLIERS[name](Evidence(seen, view, Boundaries(*sides(LANE))))
-    assert ((kept.response > 0) <= (seen.response > 0)).all() and kept.kind is Kind.LINE
+    assert ((kept.response > 0) <= (seen.response > 0)).all() and kept.kind is FeatureKind.LINE
     assert recall(whole(kept), paint(verge_m=WIDE)) > 0.95
 
 
 @pytest.mark.parametrize("name", OUTLIERS)
 def test_outlier_stages_accept_an_empty_map(name):
-    for kind in Kind:
+    for kind in FeatureKind:
         empty = Features(np.zeros((240, 320), np.float32), kind)
         assert not OUTLIERS[name](Evidence(empty, VIEW)).response.any()
 
@@ -246,7 +246,7 @@ def test_arrows_are_wider_than_paint():
     image = road(LANE, verge_m=WIDE)
     ribbon(image, CAMERA, (0.0, 0.0, 0.0, 0.0), 0.3, 0.8, WHITE, lambda s: 8 <= s < 12)
     lower, view = below_horizon(image)
-    bright = Features(np.where(grey(lower, view) > 160, np.uint8(255), np.uint8(0)), Kind.LINE)
+    bright = Features(np.where(grey(lower, view) > 160, np.uint8(255), np.uint8(0)), FeatureKind.LINE)
     kept = whole(outliers.as_wide_as_paint(Evidence(bright, view)))
     rows = (VIEW.ahead_m > 8.5) & (VIEW.ahead_m < 11)
     columns = slice(140, 165)
@@ -284,5 +284,5 @@ def test_the_outline_of_a_region_are_the_edges_of_the_road():
     y = VIEW.ground(np.column_stack([columns, rows]))[near]
     both = straight_boundaries(LANE[0], LANE[1], width_m=4.6, far_m=60.0, near_m=1.0)
     away = np.minimum(np.abs(y[:, 1] - both.left.at(y[:, 0])), np.abs(y[:, 1] - both.right.at(y[:, 0])))
-    assert line.kind is Kind.LINE and len(y) > 50
+    assert line.kind is FeatureKind.LINE and len(y) > 50
     assert np.sqrt(np.mean(away**2)) < 0.15

@@ -7,7 +7,7 @@ from drawn_road_rig import CAMERA, VEHICLE, road
 from technique_rig import VIEW, straight_boundaries
 
 from perception.estimators import ESTIMATORS, FURTHER, build, entry_of, estimators
-from perception.techniques.image.picture import Boundaries, Evidence, Features, Kind
+from perception.techniques.image.picture import Boundaries, Evidence, FeatureKind, Features
 from perception.techniques.pipeline import Pipeline, clarity
 from perception.techniques.recipe import recipes, settings_of
 from perception.techniques.stages import KINDS
@@ -141,11 +141,11 @@ def test_features_that_fill_the_lane_lower_the_clarity():
         pixels = VIEW.pixels(np.column_stack([side.x_m, side.y_m])).round().astype(int)
         inside = pixels[(pixels[:, 0] >= 0) & (pixels[:, 0] < 320) & (pixels[:, 1] < 240)]
         response[inside[:, 1], inside[:, 0]] = 255
-    assert clarity(Evidence(Features(response, Kind.LINE), VIEW), lane) == 1.0
+    assert clarity(Evidence(Features(response, FeatureKind.LINE), VIEW), lane) == 1.0
     noise = (np.random.default_rng(0).random((240, 320)) < 0.3).astype(np.uint8)
-    assert clarity(Evidence(Features(noise, Kind.LINE), VIEW), lane) < 0.1
-    assert clarity(Evidence(Features(noise, Kind.LINE), VIEW), Boundaries(lane.left, None)) < 0.2
-    assert clarity(Evidence(Features(noise, Kind.LINE), VIEW), Boundaries(None, None)) == 1.0
+    assert clarity(Evidence(Features(noise, FeatureKind.LINE), VIEW), lane) < 0.1
+    assert clarity(Evidence(Features(noise, FeatureKind.LINE), VIEW), Boundaries(lane.left, None)) < 0.2
+    assert clarity(Evidence(Features(noise, FeatureKind.LINE), VIEW), Boundaries(None, None)) == 1.0
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 from recorded_rig import recorded
 
 from lab.bench.perception.unknown_camera import unknown_drive
-from perception.camera.odometry import Odometry
+from perception.camera.odometry import StateOdometry
 from sim_harness.footage.estimate_cli import estimate
 from sim_harness.footage.fear_picture import with_lanes
 from sim_harness.footage.frame_fear import given_motion
@@ -172,7 +172,7 @@ def test_a_log_gives_speeds_and_yaw_rates_between_its_rows(tmp_path):
 
 @pytest.mark.parametrize(
     ("header", "odometry"),
-    [("t_s,speed_mps,yaw_rate_radps", Odometry.WAY_AND_TURN), ("t_s,speed_mps", Odometry.WAY)],
+    [("t_s,speed_mps,yaw_rate_radps", StateOdometry.WAY_AND_TURN), ("t_s,speed_mps", StateOdometry.WAY)],
 )
 def test_a_log_measures_the_camera_by_what_it_contains(tmp_path, header, odometry):
     """A yaw rate that is measured in the images says nothing about their lens."""
@@ -187,7 +187,7 @@ def test_a_log_measures_the_camera_by_what_it_contains(tmp_path, header, odometr
 
 def test_a_constant_speed_measures_no_camera():
     motion = given_motion(8.0, None)
-    assert Given(CAMERA, VEHICLE, motion.speed_mps_at, logged=motion.logged).odometry is Odometry.NONE
+    assert Given(CAMERA, VEHICLE, motion.speed_mps_at, logged=motion.logged).odometry is StateOdometry.NONE
 
 
 @pytest.mark.parametrize(("at_s", "known"), [(0.35, True), (1.1, False), (5.6, True), (600.0, False)])

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 from perception.images.sources import sources
 from sim_harness.cli import app
 from sim_harness.footage.cli import _one_line, assumed_camera
-from sim_harness.footage.clip import Drive, load_drive, read_log, recorded_speeds
-from sim_harness.footage.reprojection import Reprojection, Shift
+from sim_harness.footage.clip import ClipFrames, load_drive, read_log, recorded_speeds
+from sim_harness.footage.reprojection import PoseChange, Reprojection
 from sim_harness.footage.resimulation import Resimulation, resimulate
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from sim_harness.scenarios.scenario import load_scenario
@@ -38,13 +38,18 @@ CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 DATA = Path(os.environ.get("TREPID_DATA", ROOT.parent / "shared" / "data"))
 REPROJECTION = Reprojection(CAMERA)
-SHIFTS = [Shift(left_m=0.5), Shift(left_m=-0.5), Shift(yaw_rad=0.035), Shift(0.4, -0.3, -0.03)]
+SHIFTS = [
+    PoseChange(left_m=0.5),
+    PoseChange(left_m=-0.5),
+    PoseChange(yaw_rad=0.035),
+    PoseChange(0.4, -0.3, -0.03),
+]
 
 
-def inverse(shift: Shift) -> Shift:
+def inverse(shift: PoseChange) -> PoseChange:
     """The pose of the recorded vehicle in the frame of the new one."""
     cos, sin = math.cos(shift.yaw_rad), math.sin(shift.yaw_rad)
-    return Shift(
+    return PoseChange(
         -shift.ahead_m * cos - shift.left_m * sin, shift.ahead_m * sin - shift.left_m * cos, -shift.yaw_rad
     )
 
@@ -110,10 +115,10 @@ def line_column_px(row: np.ndarray) -> float:
 
 
 def test_no_shift_is_the_identity():
-    view, unseen = REPROJECTION.view(RECORDED, Shift())
+    view, unseen = REPROJECTION.view(RECORDED, PoseChange())
     assert (view == RECORDED).all()
     assert unseen == 0.0
-    np.testing.assert_allclose(REPROJECTION.ground_matrix(Shift()), np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(REPROJECTION.ground_matrix(PoseChange()), np.eye(3), atol=1e-9)
 
 
 @pytest.mark.parametrize("shift", SHIFTS)
@@ -133,14 +138,14 @@ def test_the_mirrored_shift_of_the_mirrored_picture_is_the_mirrored_view(shift):
     )
     view, unseen = centred.view(image, shift)
     mirrored, unseen_mirrored = centred.view(
-        np.ascontiguousarray(image[:, ::-1]), Shift(shift.ahead_m, -shift.left_m, -shift.yaw_rad)
+        np.ascontiguousarray(image[:, ::-1]), PoseChange(shift.ahead_m, -shift.left_m, -shift.yaw_rad)
     )
     assert np.abs(mirrored[:, ::-1].astype(int) - view).mean() < 1.0
     assert unseen_mirrored == pytest.approx(unseen, abs=0.01)
 
 
 def test_sky_and_ground_meet_on_the_horizon():
-    shift = Shift(left_m=0.7, yaw_rad=0.1)
+    shift = PoseChange(left_m=0.7, yaw_rad=0.1)
     horizon = np.array([200.0, CAMERA.horizon_row_px, 1.0])
     ground, sky = REPROJECTION.ground_matrix(shift) @ horizon, REPROJECTION.sky_matrix(shift) @ horizon
     np.testing.assert_allclose(ground[:2] / ground[2], sky[:2] / sky[2], atol=1e-6)
@@ -149,7 +154,7 @@ def test_sky_and_ground_meet_on_the_horizon():
 def test_pixels_without_data_are_counted():
     # A camera above the axle that points along the road only turns: columns are uncovered.
     level = CAMERA.model_copy(update={"x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0, "pitch_down_rad": 0.0})
-    _, turned = Reprojection(level).view(RECORDED, Shift(yaw_rad=0.1))
+    _, turned = Reprojection(level).view(RECORDED, PoseChange(yaw_rad=0.1))
     left_rad = math.atan(CAMERA.cx_px / CAMERA.fx_px)
     columns = CAMERA.fx_px * (math.tan(left_rad) - math.tan(left_rad - 0.1))
     assert columns / CAMERA.width_px < turned < columns / CAMERA.width_px + 0.03  # and corners
@@ -161,7 +166,7 @@ SPEED_MPS = 8.0
 
 
 @cache
-def rendered_drive(name: str, station_m: float, count: int) -> Drive:
+def rendered_drive(name: str, station_m: float, count: int) -> ClipFrames:
     """A drive along the lane centre."""
     road = clear(name)
     renderer = Renderer(road, CAMERA, seed=2)
@@ -171,7 +176,7 @@ def rendered_drive(name: str, station_m: float, count: int) -> Drive:
         x, y = road.position(station, 0.0)
         yaw = road.heading_at(station)
         frames.append(renderer.render(x, y, yaw, station_m=station, t_s=float(t)))
-    return Drive(name, frames, t_s, np.full(count, SPEED_MPS), CAMERA)
+    return ClipFrames(name, frames, t_s, np.full(count, SPEED_MPS), CAMERA)
 
 
 def test_the_yaw_of_a_car_is_measured_from_its_pictures():
@@ -185,9 +190,9 @@ def test_the_yaw_of_a_car_is_measured_from_its_pictures():
 
 def test_pictures_without_features_to_track_are_refused_with_a_message():
     grey = [np.full((240, 320, 3), 90, np.uint8)] * 80
-    drive = Drive("grey", grey, np.arange(80) / 25, np.full(80, SPEED_MPS), CAMERA)
+    drive = ClipFrames("grey", grey, np.arange(80) / 25, np.full(80, SPEED_MPS), CAMERA)
     with pytest.raises(InputError, match="grey: too few corners"):
-        resimulate(drive, VEHICLE, start=Shift())
+        resimulate(drive, VEHICLE, start=PoseChange())
 
 
 # Closed loop.
@@ -196,7 +201,7 @@ def test_pictures_without_features_to_track_are_refused_with_a_message():
 @pytest.mark.parametrize("left_m", [0.5, -0.5])
 def test_the_car_returns_from_an_offset_to_the_recorded_path(left_m):
     drive = rendered_drive("straight", 20.0, 150)
-    run = resimulate(drive, VEHICLE, start=Shift(left_m=left_m))
+    run = resimulate(drive, VEHICLE, start=PoseChange(left_m=left_m))
     assert run.offset_m[0] == pytest.approx(left_m, abs=0.01)
     assert run.row()["end_offset_m"] == pytest.approx(0.0, abs=0.1)
     assert run.interventions == 0
@@ -205,9 +210,9 @@ def test_the_car_returns_from_an_offset_to_the_recorded_path(left_m):
 
 def test_two_estimators_confirm_each_other_and_a_single_one_is_never_calm():
     whole = rendered_drive("straight", 20.0, 150)
-    drive = Drive(whole.name, whole.frames[:90], whole.t_s[:90], whole.speed_mps[:90], CAMERA)
-    supervised = resimulate(drive, VEHICLE, start=Shift())
-    alone = resimulate(drive, VEHICLE, start=Shift(), estimators=["cv"])
+    drive = ClipFrames(whole.name, whole.frames[:90], whole.t_s[:90], whole.speed_mps[:90], CAMERA)
+    supervised = resimulate(drive, VEHICLE, start=PoseChange())
+    alone = resimulate(drive, VEHICLE, start=PoseChange(), estimators=["cv"])
     assert supervised.fear.max() < 0.1
     assert alone.fear.min() == pytest.approx(0.5)
 
@@ -223,8 +228,8 @@ def test_a_car_that_was_never_engaged_has_no_autonomy():
 
 def test_the_same_run_twice_is_the_same_to_the_last_bit():
     whole = rendered_drive("straight", 20.0, 150)
-    drive = Drive(whole.name, whole.frames[:70], whole.t_s[:70], whole.speed_mps[:70], CAMERA)
-    a, b = (resimulate(drive, VEHICLE, start=Shift(yaw_rad=0.02)) for _ in range(2))
+    drive = ClipFrames(whole.name, whole.frames[:70], whole.t_s[:70], whole.speed_mps[:70], CAMERA)
+    a, b = (resimulate(drive, VEHICLE, start=PoseChange(yaw_rad=0.02)) for _ in range(2))
     assert (a.offset_m == b.offset_m).all()
     assert a.row() == b.row()
 
@@ -239,7 +244,7 @@ def test_at_standstill_the_frames_of_that_time_are_shown(monkeypatch):
         return view(self, image, shift)
 
     monkeypatch.setattr(Reprojection, "view", noted)
-    resimulate(Drive(whole.name, whole.frames, whole.t_s, speeds, CAMERA), VEHICLE, start=Shift())
+    resimulate(ClipFrames(whole.name, whole.frames, whole.t_s, speeds, CAMERA), VEHICLE, start=PoseChange())
     assert shown == list(range(150))
 
 
@@ -292,7 +297,7 @@ def test_a_clip_that_is_too_short_or_longer_than_its_log_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"has 2 rows, but .* has 6 frames"):
         load_drive(clip, CAMERA, log=log)
     with pytest.raises(InputError, match=r"6 frames last 0\.2 s"):
-        resimulate(load_drive(clip, CAMERA, speed_mps=5.0), VEHICLE, start=Shift())
+        resimulate(load_drive(clip, CAMERA, speed_mps=5.0), VEHICLE, start=PoseChange())
 
 
 @pytest.mark.parametrize(
@@ -316,7 +321,7 @@ def test_on_a_real_highway_the_car_leaves_an_offset_to_the_recorded_path():
     if not clip.is_file():
         pytest.skip("the clip solidWhiteRight.mp4 is not on this machine (TREPID_DATA)")
     drive = load_drive(clip, assumed_camera(sources(clip)[0]), speed_mps=25.0, most=105)
-    run = resimulate(drive, VEHICLE, start=Shift(left_m=0.5))
+    run = resimulate(drive, VEHICLE, start=PoseChange(left_m=0.5))
     assert abs(run.offset_m[-1]) < 0.2
     assert run.interventions == 0
 
@@ -327,7 +332,7 @@ def test_on_a_real_highway_the_supervised_car_takes_over_at_once_and_fear_stays_
     if not clip.is_file():
         pytest.skip("the clip solidWhiteRight.mp4 is not on this machine (TREPID_DATA)")
     drive = load_drive(clip, assumed_camera(sources(clip)[0]), speed_mps=speed_mps)
-    run = resimulate(drive, VEHICLE, start=Shift(), assumed=True)
+    run = resimulate(drive, VEHICLE, start=PoseChange(), assumed=True)
     assert run.fear.mean() <= 0.1
     assert run.engaged_share > 0.98
     assert run.interventions == 0

@@ -9,7 +9,7 @@ from trace_rig import truth
 from sim_harness.lockstep.camera import SimulatedCamera
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.scenarios.traffic import BODIES
-from sim_harness.world.render.scene.view import STILL, Motion
+from sim_harness.world.render.scene.view import STILL, ShutterMotion
 
 PERIOD_S = 0.04
 
@@ -58,7 +58,7 @@ def test_every_other_vehicle_is_in_the_picture_with_its_shape():
 
 def test_the_renderer_receives_the_motion_of_the_camera():
     _, painter = frames(speed_mps=8.0, yaw_rate_radps=0.1)
-    assert painter.calls[0][1]["motion"] == Motion(8.0, 0.1)
+    assert painter.calls[0][1]["motion"] == ShutterMotion(8.0, 0.1)
 
 
 def test_without_a_renderer_shots_have_the_truth_and_no_frame():

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_harness.lockstep.contact import Box, separation_m
+from sim_harness.lockstep.contact import Outline, separation_m
 
-CAR = Box(0.0, 0.0, 0.0, -1.0, 3.0, 2.0)
+CAR = Outline(0.0, 0.0, 0.0, -1.0, 3.0, 2.0)
 places = st.builds(
-    Box,
+    Outline,
     x_m=st.floats(-6, 6),
     y_m=st.floats(-6, 6),
     yaw_rad=st.floats(-4, 4),
@@ -48,9 +48,9 @@ def test_boxes_touch_where_their_rectangles_intersect(a, b):
     ],
 )
 def test_gaps_between_sides_are_distances(x_m, y_m, yaw_rad, gap_m):
-    assert separation_m(CAR, Box(x_m, y_m, yaw_rad, -1.0, 3.0, 2.0)) == pytest.approx(gap_m)
+    assert separation_m(CAR, Outline(x_m, y_m, yaw_rad, -1.0, 3.0, 2.0)) == pytest.approx(gap_m)
 
 
 def test_the_corners_are_where_the_sides_meet():
-    corners = Box(1.0, 2.0, math.pi / 2, -1.0, 3.0, 2.0).corners()
+    corners = Outline(1.0, 2.0, math.pi / 2, -1.0, 3.0, 2.0).corners()
     assert sorted((round(x, 9), round(y, 9)) for x, y in corners) == [(0, 1), (0, 5), (2, 1), (2, 5)]

@@ -11,7 +11,7 @@ from hypothesis import settings as within
 from hypothesis import strategies as st
 
 from sim_harness.lockstep.closed_loop import build_parts, run
-from sim_harness.lockstep.contact import Box
+from sim_harness.lockstep.contact import Outline
 from sim_harness.lockstep.line_of_sight import Solid, seen_share
 from sim_harness.lockstep.road_user_model import RoadUserModel, build_road_user_model
 from sim_harness.lockstep.road_user_sensor import build_road_user_sensor
@@ -92,7 +92,7 @@ def car_steps(car):
 
 
 def solid(x_m, y_m, yaw_rad=0.0, *, length_m=4.0, width_m=1.8, height_m=1.5):
-    return Solid(Box(x_m, y_m, yaw_rad, -length_m / 2, length_m / 2, width_m), height_m)
+    return Solid(Outline(x_m, y_m, yaw_rad, -length_m / 2, length_m / 2, width_m), height_m)
 
 
 def person(x_m, y_m, height_m=1.8):

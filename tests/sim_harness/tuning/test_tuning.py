@@ -211,9 +211,9 @@ def test_invalid_input_is_refused_before_the_first_run(tmp_path: Path) -> None:
 
 
 def test_an_invalid_candidate_is_refused_without_being_driven(tmp_path: Path) -> None:
-    from sim_harness.tuning.study import Invalid, Task, candidate
+    from sim_harness.tuning.study import Invalid, StudyTask, candidate
 
-    task = Task(
+    task = StudyTask(
         rules=FILE,
         parameters={CORNER: Span(low=0.0, high=1.0)},
         planned={},

@@ -11,8 +11,7 @@ from sim_harness.lockstep.closed_loop import build_parts, run
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.render.scene.things import Shape as ThingShape
-from sim_harness.world.render.scene.things import Thing
+from sim_harness.world.render.scene.things import Thing, ThingShape
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Light, Section

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from supervisor_rig import SETTINGS
 
-from supervisor.inputs.road_users import NO_DETECTOR, Watched, judge_road_users
+from supervisor.inputs.road_users import NO_DETECTOR, WatchedUsers, judge_road_users
 from trepid.clothoid import Motion
 from trepid.messages import RoadUsers
 
@@ -25,7 +25,7 @@ WALKER = RoadUsers(
 )
 
 
-def judged(message: RoadUsers | None, motion: Motion | None = None, *, age_s: float = 0.0) -> Watched:
+def judged(message: RoadUsers | None, motion: Motion | None = None, *, age_s: float = 0.0) -> WatchedUsers:
     return judge_road_users(message, motion, now_s=age_s, settings=LIMITS)
 
 

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from supervisor_rig import SETTINGS
 
-from supervisor.inputs.road_users import NO_DETECTOR, RoadUser, Watched
+from supervisor.inputs.road_users import NO_DETECTOR, RoadUser, WatchedUsers
 from supervisor.path.fusion import Path
 from supervisor.path.giving_way import (
     CLEAR,
@@ -68,7 +68,9 @@ def person(x_m: float, y_m: float, *, towards_mps: float = 0.0, kind: str = "per
 def way(*present: RoadUser, speed_mps: float = 8.0, lane: Lane = STRAIGHT) -> Way:
     """The way of a car at that speed that meets these for the first time."""
     giving = GivingWay(S, VEHICLE)
-    return giving.step(Watched(0.0, present), PATH._replace(lane=lane), Motion(speed_mps, 0.0), now_s=0.0)
+    return giving.step(
+        WatchedUsers(0.0, present), PATH._replace(lane=lane), Motion(speed_mps, 0.0), now_s=0.0
+    )
 
 
 def test_without_people_or_a_detector_of_them_there_is_no_limit() -> None:
@@ -240,7 +242,7 @@ def test_a_stronger_brake_is_never_needed_where_a_weaker_one_suffices(
 
 def test_the_car_goes_on_when_the_way_has_been_free_for_a_while() -> None:
     giving, standing = GivingWay(S, VEHICLE), Motion(0.0, 0.0)
-    in_way, aside = Watched(0.0, (person(NOSE_M + 1.0, 0.0),)), Watched(0.0, ())
+    in_way, aside = WatchedUsers(0.0, (person(NOSE_M + 1.0, 0.0),)), WatchedUsers(0.0, ())
     seen = [giving.step(in_way, PATH, standing, now_s=n * 0.04) for n in range(25)]
     assert {one.cap_mps for one in seen} == {0.0}
     missed = giving.step(aside, PATH, standing, now_s=1.0)
@@ -266,7 +268,7 @@ def test_the_path_is_moved_to_the_time_of_the_step() -> None:
     giving = GivingWay(S, VEHICLE)
     lane = Lane(0.0, 0.0, 0.0, 0.002)
     old = giving.step(
-        Watched(0.0, (person(20.0, 3.0),)), PATH._replace(lane=lane), Motion(8.0, 0.0), now_s=1.0
+        WatchedUsers(0.0, (person(20.0, 3.0),)), PATH._replace(lane=lane), Motion(8.0, 0.0), now_s=1.0
     )
     moved = lane.after(Motion(8.0, 0.0), 1.0)
     assert old == way(person(20.0, 3.0), lane=moved)

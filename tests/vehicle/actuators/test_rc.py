@@ -32,7 +32,7 @@ from trepid.config import CONFIG_DIR, ROOT, InputError, load
 from vehicle.actuators.node import ActuatorStep, Wire
 from vehicle.actuators.rc.actuator import BRAKE_FROM_MPS2, PcaActuator, SerialActuator
 from vehicle.actuators.rc.guard import Guard
-from vehicle.actuators.rc.motion import LEAD_MPS, Motion
+from vehicle.actuators.rc.motion import LEAD_MPS, SpeedIntegrator
 from vehicle.actuators.rc.pca9685 import LED0_ON_L
 from vehicle.actuators.rc.serial_board import encoded
 from vehicle.measurement.check import build as build_check
@@ -470,14 +470,14 @@ def test_a_board_that_returns_is_driven_again_without_a_restart(tmp_path) -> Non
 
 
 def test_the_demand_stays_near_the_measured_speed() -> None:
-    motion = Motion(0.3)
+    motion = SpeedIntegrator(0.3)
     for tick in range(1000):
         motion.step(1.0, 3.0, 0.4, now_s=0.01 * tick)
     assert motion.demand_mps == pytest.approx(0.4 + LEAD_MPS)
 
 
 def driven_by(
-    motion: Motion, factor: float, speed_mps: float, accel_mps2: float, *, seconds: float
+    motion: SpeedIntegrator, factor: float, speed_mps: float, accel_mps2: float, *, seconds: float
 ) -> list[float]:
     """Speeds of a car with a sensor that drives ``factor`` times the demand after a lag of 0.3 s."""
     speeds_mps = [speed_mps]
@@ -492,7 +492,7 @@ def driven_by(
 @pytest.mark.parametrize("accel_mps2", [-0.2, -1.0])
 @pytest.mark.parametrize("factor", [0.7, 0.85, 1.0, 1.15, 1.3, 1.4, 1.5])
 def test_a_brake_never_raises_the_speed_of_a_car_that_differs_from_its_table(factor, accel_mps2) -> None:
-    motion = Motion(0.3)
+    motion = SpeedIntegrator(0.3)
     motion.demand_mps = 2.0 / factor
     speeds_mps = driven_by(motion, factor, 2.0, accel_mps2, seconds=30.0)
     assert all(after <= before + 1e-9 for before, after in pairwise(speeds_mps))
@@ -501,7 +501,7 @@ def test_a_brake_never_raises_the_speed_of_a_car_that_differs_from_its_table(fac
 
 @pytest.mark.parametrize("factor", [1.0, 1.4, 1.5])
 def test_a_small_acceleration_does_not_run_away_on_a_car_that_is_faster_than_its_table(factor) -> None:
-    motion = Motion(0.3)
+    motion = SpeedIntegrator(0.3)
     motion.demand_mps = 2.0 / factor
     assert driven_by(motion, factor, 2.0, 0.05, seconds=4.0)[-1] == pytest.approx(
         2.0 + 0.2 * factor, abs=0.05
@@ -509,14 +509,14 @@ def test_a_small_acceleration_does_not_run_away_on_a_car_that_is_faster_than_its
 
 
 def test_after_neutral_an_acceleration_takes_a_rolling_car_up_near_its_speed() -> None:
-    motion = Motion(0.3)
+    motion = SpeedIntegrator(0.3)
     assert motion.step(-1.0, 0.0, 2.0, now_s=0.0) == 0.0
     assert motion.step(0.0, 3.0, 2.0, now_s=0.01) == 0.0
     assert motion.step(0.5, 3.0, 2.0, now_s=0.02) == pytest.approx(2.0 - LEAD_MPS, abs=0.01)
 
 
 def test_a_brake_ends_in_standstill_and_not_in_reverse() -> None:
-    motion = Motion(0.3)
+    motion = SpeedIntegrator(0.3)
     for tick in range(100):
         motion.step(2.0, 3.0, None, now_s=0.01 * tick)
     for tick in range(100, 900):

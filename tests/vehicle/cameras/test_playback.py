@@ -8,7 +8,7 @@ from camera_source_rig import ManualClock, number_of, picture
 
 from trepid.config import InputError
 from trepid.types import Image
-from vehicle.cameras.playback import Playback, Shot
+from vehicle.cameras.playback import Playback, UndecodedFrame
 
 STAMPS_S = [50.0, 50.1, 50.2, 50.5, 50.6]
 
@@ -16,9 +16,9 @@ STAMPS_S = [50.0, 50.1, 50.2, 50.5, 50.6]
 def played(
     clock: ManualClock, *, pace: float = 1.0, loop: bool = False, stamps_s: list[float] = STAMPS_S
 ) -> Playback:
-    def shots() -> Iterator[Shot]:
+    def shots() -> Iterator[UndecodedFrame]:
         for number, stamp_s in enumerate(stamps_s):
-            yield Shot(stamp_s, lambda number=number: picture(number))
+            yield UndecodedFrame(stamp_s, lambda number=number: picture(number))
 
     return Playback(shots, now_s=clock, pace=pace, loop=loop, sleep=clock.sleep)
 
@@ -91,7 +91,7 @@ def test_a_frame_that_cannot_be_decoded_is_reported_and_the_next_one_comes() -> 
     def broken() -> Image:
         raise InputError("frame 0 is broken")
 
-    shots = [Shot(0.0, broken), Shot(0.1, lambda: np.zeros((16, 16, 3), np.uint8))]
+    shots = [UndecodedFrame(0.0, broken), UndecodedFrame(0.1, lambda: np.zeros((16, 16, 3), np.uint8))]
     clock = ManualClock()
     source = Playback(lambda: iter(shots), now_s=clock, pace=1.0, loop=False, sleep=clock.sleep)
     assert source.read(timeout_s=1.0) is None and source.trouble == "frame 0 is broken"

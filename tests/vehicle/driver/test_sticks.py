@@ -9,7 +9,7 @@ from vehicle_driver_rig import SETTINGS, axis, button, key, settings
 
 from trepid.config import InputError
 from vehicle.driver.settings import DeviceKind
-from vehicle.driver.sticks import INPUT_EVENT, JS_INIT, SYN_DROPPED, Input, Sticks, open_input
+from vehicle.driver.sticks import INPUT_EVENT, JS_INIT, SYN_DROPPED, DriverInput, Sticks, open_input
 
 PAD, KEYS = SETTINGS.gamepad, SETTINGS.keyboard
 
@@ -20,7 +20,7 @@ class Plugged:
     def __init__(self, path: Path, kind: DeviceKind) -> None:
         os.mkfifo(path)
         self._path = path
-        self.input: Input = open_input(settings(path, kind=kind))
+        self.input: DriverInput = open_input(settings(path, kind=kind))
         self.plug()
 
     def plug(self) -> None:

@@ -23,7 +23,7 @@ from trepid.messages import Command, VehicleState
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.rc.guard import Guard
 from vehicle.actuators.rc.i2c import open_i2c
-from vehicle.actuators.rc.motion import Motion
+from vehicle.actuators.rc.motion import SpeedIntegrator
 from vehicle.actuators.rc.pca9685 import Pca9685
 from vehicle.actuators.rc.pulses import Steering, Throttle
 from vehicle.actuators.rc.serial_board import SerialBoard
@@ -61,7 +61,7 @@ class Board(Protocol):
         ...
 
 
-class Calibration:
+class PulseCalibration:
     """The pulses of the settings file, read again when it changes."""
 
     def __init__(self, name: str, settings: RcSettings, vehicle: Vehicle) -> None:
@@ -106,8 +106,8 @@ class RcActuator:
         self._source = settings.speed
         modelled = {"speed_mps"} if settings.speed is SpeedSource.MODELLED else set()
         self.computed = frozenset({"road_wheel_angle_rad", "yaw_rate_radps"} | modelled)
-        self._calibration = Calibration(name, settings, car.vehicle)
-        self._motion = Motion(settings.speed_lag_s)
+        self._calibration = PulseCalibration(name, settings, car.vehicle)
+        self._motion = SpeedIntegrator(settings.speed_lag_s)
         self._vehicle = car.vehicle
         self._models_yaw = settings.yaw_rate == "modelled"
         held_us = self._board.steering_us()

@@ -14,7 +14,7 @@ LONGEST_S = 0.05  # a pause of this process counts as this long
 CREEP_MPS = 0.02  # a slower demand of a braking car is standstill
 
 
-class Motion:
+class SpeedIntegrator:
     """Call ``step`` with every command."""
 
     def __init__(self, lag_s: float) -> None:

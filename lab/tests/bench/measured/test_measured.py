@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lab.bench.measured.bench import Errors, Task, driven_row, is_observable, summary
+from lab.bench.measured.bench import Errors, MeasuredDrive, driven_row, is_observable, summary
 from sim_harness.lockstep.vehicle import load_simulator
 from sim_harness.scenarios.measurements import WrongMeasurement
 from trepid.messages import VehicleState
@@ -14,7 +14,7 @@ NOISE = load_simulator()
 
 def error_of(quantity, form, true, **fields):
     """The greatest error of a fault from 1 s on, over 3 s of the true yaw rate ``true(t)``."""
-    task = Task("simulator", quantity, form, "straight", 5.0, 1)
+    task = MeasuredDrive("simulator", quantity, form, "straight", 5.0, 1)
     fault = WrongMeasurement(
         kind="wrong_measurement", quantity=quantity, form=form, from_s=1.0, **{"by": None, **fields}
     )
@@ -57,7 +57,7 @@ def test_an_absent_value_is_observable_and_an_error_below_the_noise_is_not():
 
 
 def row(error, named_s, departures=0):
-    task = Task("can", "yaw_rate", "sign", "straight", 5.0, 1)
+    task = MeasuredDrive("can", "yaw_rate", "sign", "straight", 5.0, 1)
     scores = dict(lateral_error_m=0.1, departures=departures, error_of_noise=error, named_s=named_s)
     return {**task._asdict(), **scores, "caused_s": None, "last_mps": 5.0}
 
@@ -72,6 +72,6 @@ def test_what_cannot_be_observed_is_counted_apart_and_its_departures_are_counted
 
 
 def test_a_yaw_rate_with_an_offset_is_named_at_once_and_the_car_stays_in_its_lane():
-    found = driven_row(Task("can", "yaw_rate", "offset", "straight", 15.0, 1))
+    found = driven_row(MeasuredDrive("can", "yaw_rate", "offset", "straight", 15.0, 1))
     assert (found["departures"], found["named_s"]) == (0, 0.0)
     assert found["error_of_noise"] == pytest.approx(0.15 / NOISE.yaw_rate_noise_radps, rel=0.01)

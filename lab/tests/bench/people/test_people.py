@@ -14,7 +14,7 @@ from lab.bench.people.cases import (
     REACTION_S,
     STEP_OUT,
     STRONGEST_MPS2,
-    Case,
+    Encounter,
     built,
     cases,
     walk_s,
@@ -72,8 +72,8 @@ def test_a_cyclist_that_falls_behind_was_overtaken() -> None:
 
 
 def test_speeds_beside_bystanders_are_sorted_by_their_distance() -> None:
-    def at(aside_m: float, passing_mps: float) -> tuple[Case, dict[str, object]]:
-        return Case(BYSTANDER, {"speed_mps": 8.0}, aside_m), ended(passing_mps=passing_mps)
+    def at(aside_m: float, passing_mps: float) -> tuple[Encounter, dict[str, object]]:
+        return Encounter(BYSTANDER, {"speed_mps": 8.0}, aside_m), ended(passing_mps=passing_mps)
 
     rows = by_distance([at(2.0, 2.0), at(2.2, 3.0), at(5.0, 8.0)])
     assert [row["speed beside, median [m/s]"] for row in rows.values()] == [2.5, 8.0]
@@ -112,7 +112,7 @@ def test_an_interrupted_benchmark_drives_only_what_is_left(
 ) -> None:
     path, drawn, driven = tmp_path / "people.jsonl", cases(STEP_OUT, 1, 3), []
 
-    def counted(case: Case, *, sensor: str) -> dict[str, object]:
+    def counted(case: Encounter, *, sensor: str) -> dict[str, object]:
         driven.append((case.aside_m, sensor))
         return ended()
 

@@ -11,26 +11,26 @@ from hypothesis import strategies as st
 
 from lab.bench.perception import bench, drive
 from lab.bench.perception.bench import bench_perception, watched
-from lab.bench.perception.clips import CLEAR, GAP, GRADES, Case, Moment, harness_set, moments
+from lab.bench.perception.clips import CLEAR, GAP, GRADES, ClipCase, ClipFrame, harness_set, moments
 from lab.bench.perception.report import write
 from lab.bench.perception.scores import figures, gap_figures, groups, one_line_figures
-from lab.bench.perception.store import ClipStore, Pictures
+from lab.bench.perception.store import ClipStore, StoredFrames
 from lab.bench.perception.watch import LOOK, TRUTH, Watched, _TrueRoad, aim, look
 from sim_harness.sweep.fingerprint import estimator_fingerprint, hash_of_files, import_closure
 from sim_harness.sweep.store import Store
 from sim_harness.world.roads.disturbances import DisturbanceKind
-from sim_harness.world.roads.drawn import Kind, Shape, random_road
+from sim_harness.world.roads.drawn import BendShape, MarkingKind, random_road
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import PixelPath, SteeringEstimate
 
 CAMERA, VEHICLE = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-CASE = Case(seed=1, number=0, condition=CLEAR, grade=0, kind=Kind.YELLOW, shape=Shape.TIGHT)
+CASE = ClipCase(seed=1, number=0, condition=CLEAR, grade=0, kind=MarkingKind.YELLOW, shape=BendShape.TIGHT)
 
 
 @pytest.fixture(scope="module")
-def clip() -> list[Moment]:
+def clip() -> list[ClipFrame]:
     return list(moments(CASE, CAMERA, VEHICLE))
 
 
@@ -46,7 +46,7 @@ def looks(frames: int = 20, **fields: float | Sequence[float]) -> np.ndarray:
 def test_the_set_has_every_road_in_every_shape_and_every_grade_of_every_disturbance() -> None:
     cases = harness_set(3)
     assert {(case.kind, case.shape) for case in cases if case.condition == CLEAR} == {
-        (kind, shape) for kind in Kind for shape in Shape
+        (kind, shape) for kind in MarkingKind for shape in BendShape
     }
     assert {(case.condition, case.grade) for case in cases if case.grade} == {
         (kind.value, grade) for kind in DisturbanceKind for grade in GRADES
@@ -61,26 +61,26 @@ def test_a_seed_is_a_set_and_the_quick_one_is_smaller() -> None:
     assert len(harness_set(3, quick=True)) < len(harness_set(3)) < len(harness_set(3, repeats=2))
 
 
-@pytest.mark.parametrize("kind", Kind)
-def test_every_road_depends_on_its_random_numbers_only(kind: Kind) -> None:
-    one, same = (random_road(kind, Shape.BEND, np.random.default_rng(7)).settings for _ in range(2))
-    assert one == same != random_road(kind, Shape.BEND, np.random.default_rng(8)).settings
+@pytest.mark.parametrize("kind", MarkingKind)
+def test_every_road_depends_on_its_random_numbers_only(kind: MarkingKind) -> None:
+    one, same = (random_road(kind, BendShape.BEND, np.random.default_rng(7)).settings for _ in range(2))
+    assert one == same != random_road(kind, BendShape.BEND, np.random.default_rng(8)).settings
 
 
-def test_frames_and_truth_of_a_clip_depend_on_its_case_only(clip: list[Moment]) -> None:
+def test_frames_and_truth_of_a_clip_depend_on_its_case_only(clip: list[ClipFrame]) -> None:
     again = next(iter(moments(CASE, CAMERA, VEHICLE)))
     assert (again.frame.image == clip[0].frame.image).all()
     assert again.truth == clip[0].truth
 
 
-def test_the_truth_is_the_place_on_the_road(clip: list[Moment]) -> None:
+def test_the_truth_is_the_place_on_the_road(clip: list[ClipFrame]) -> None:
     for moment in clip[::8]:
         foot = moment.road.foot_point(moment.x_m, moment.y_m)
         assert moment.truth.lateral_offset_m == pytest.approx(foot.offset_m, abs=1e-6)
         assert moment.truth.heading_error_rad == pytest.approx(moment.yaw_rad - foot.heading_rad, abs=1e-6)
 
 
-def test_the_reported_state_is_the_motion_of_the_vehicle(clip: list[Moment]) -> None:
+def test_the_reported_state_is_the_motion_of_the_vehicle(clip: list[ClipFrame]) -> None:
     for before, after in zip(clip, clip[2:], strict=False):
         dt_s = after.frame.t_s - before.frame.t_s
         way_m = np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
@@ -88,7 +88,7 @@ def test_the_reported_state_is_the_motion_of_the_vehicle(clip: list[Moment]) -> 
         assert before.state.yaw_rate_radps == pytest.approx((after.yaw_rad - before.yaw_rad) / dt_s, abs=0.04)
 
 
-def true_path(moment: Moment, share: float) -> PixelPath:
+def true_path(moment: ClipFrame, share: float) -> PixelPath:
     """Pixels of the true boundary."""
     station_m = moment.road.local_coordinates(moment.x_m, moment.y_m)[0] + np.arange(4.0, 20.0, 0.5)
     world = moment.road.positions(station_m, share * moment.road.widths_at(station_m)) - [
@@ -100,7 +100,7 @@ def true_path(moment: Moment, share: float) -> PixelPath:
     return tuple(map(tuple, pixels.tolist()))
 
 
-def test_the_truth_itself_has_no_error(clip: list[Moment]) -> None:
+def test_the_truth_itself_has_no_error(clip: list[ClipFrame]) -> None:
     moment = clip[5]
     paths = {"left_boundary_px": true_path(moment, 0.5), "right_boundary_px": true_path(moment, -0.5)}
     row = np.array(
@@ -116,7 +116,7 @@ def test_the_truth_itself_has_no_error(clip: list[Moment]) -> None:
 def test_ahead_the_road_itself_is_the_truth_also_where_a_bend_begins_in_between() -> None:
     """Five metres straight on, then the entry of a bend: no clothoid from the axle is the road."""
     beginning = []
-    for moment in moments(replace(CASE, seed=31337, kind=Kind.DASHED), CAMERA, VEHICLE):
+    for moment in moments(replace(CASE, seed=31337, kind=MarkingKind.DASHED), CAMERA, VEHICLE):
         here = moment.road.local_coordinates(moment.x_m, moment.y_m)[0]
         if abs(moment.road.curvature_at(here + 3.0)) < 1e-3 < abs(moment.road.curvature_at(here + 8.0)):
             beginning.append((moment, here))
@@ -150,7 +150,7 @@ def test_the_aim_on_a_circle_is_where_the_circle_is(
     assert aim(estimate) == pytest.approx(expected, abs=1e-3)
 
 
-def test_a_boundary_aside_is_as_far_off_as_it_is(clip: list[Moment]) -> None:
+def test_a_boundary_aside_is_as_far_off_as_it_is(clip: list[ClipFrame]) -> None:
     moment = clip[5]
     width_m = moment.truth.lane_width_m or 0.0
     errors = _TrueRoad(moment, CAMERA).boundary_errors_m(true_path(moment, 0.5 - 0.3 / width_m), ())
@@ -158,7 +158,7 @@ def test_a_boundary_aside_is_as_far_off_as_it_is(clip: list[Moment]) -> None:
     assert np.isnan(errors[1])
 
 
-def test_an_absent_estimate_is_nan_and_never_zero(clip: list[Moment]) -> None:
+def test_an_absent_estimate_is_nan_and_never_zero(clip: list[ClipFrame]) -> None:
     nothing = SteeringEstimate.nothing(0.0, estimator="x", lookahead_m=8.0, reason="dark")
     row = look(nothing, clip[0].truth, _TrueRoad(clip[0], CAMERA))
     assert np.isnan(row[:8]).all()
@@ -209,7 +209,7 @@ def test_the_drift_in_a_gap_is_its_greatest_offset() -> None:
 
 
 def test_bias_with_one_line_does_not_cancel_between_roads() -> None:
-    cases = [replace(CASE, kind=Kind.ONE_LINE, number=n) for n in range(2)]
+    cases = [replace(CASE, kind=MarkingKind.ONE_LINE, number=n) for n in range(2)]
     results = {
         case: watched_with(looks(angle_rad=angle))
         for case, angle in zip(cases, np.radians([1.0, -1.0]), strict=True)
@@ -229,7 +229,7 @@ def test_the_main_conditions_count_drivable_grades_only() -> None:
 def test_only_missing_results_are_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     called: list[tuple[str, ...]] = []
 
-    def quickly(clip: Sequence[Moment], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
+    def quickly(clip: Sequence[ClipFrame], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
         called.append(tuple(names))
         return Watched(np.zeros(20, TRUTH), {name: looks() for name in names})
 
@@ -257,9 +257,9 @@ def test_results_are_stored_to_the_last_bit_and_those_of_other_code_are_not_read
         assert ClipStore(store, "other drawing", {"b": "same"}).read(CASE) is None
 
 
-def test_stored_frames_are_read_back_unchanged(tmp_path: Path, clip: list[Moment]) -> None:
+def test_stored_frames_are_read_back_unchanged(tmp_path: Path, clip: list[ClipFrame]) -> None:
     frames = [moment.frame.image for moment in clip[:3]]
-    album = Pictures(tmp_path)
+    album = StoredFrames(tmp_path)
     assert album.read(CASE, 240) is None
     album.write(CASE, frames)
     assert all((a == b).all() for a, b in zip(album.read(CASE, 240) or [], frames, strict=True))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from lab.bench.perception.sight import GRADES, WEATHER, Case, Looked, cases, drive, scores
+from lab.bench.perception.sight import GRADES, WEATHER, Looked, SightCase, cases, drive, scores
 from sim_harness.lockstep.oracle import clear_view
 from sim_harness.world.sight_truth import SightDistance
 from trepid.causes import Cause
@@ -42,7 +42,7 @@ def test_every_kind_and_grade_is_driven() -> None:
 
 @pytest.mark.long
 def test_a_drive_in_fog_is_seen_nearly_as_far_as_it_is_true_and_the_same_again() -> None:
-    case = Case(5, "fog", 3, 0)
+    case = SightCase(5, "fog", 3, 0)
     found = drive(case)
     assert [one.true.cause for one in found] == [Cause.FOG] * len(found)
     assert scores(found)["error_percent"] == pytest.approx(0.0, abs=35.0)

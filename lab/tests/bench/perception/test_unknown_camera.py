@@ -7,7 +7,7 @@ import pytest
 
 from lab.bench.perception import unknown_camera
 from lab.bench.perception.unknown_camera import Seen, Watched, unknown_drive
-from perception.camera.odometry import Odometry
+from perception.camera.odometry import StateOdometry
 from sim_harness.footage.clip import MPS_PER_MPH
 
 SEED = 3
@@ -33,8 +33,8 @@ def test_the_measured_odometry_is_that_of_the_drive_with_small_errors():
 
 def test_the_scores_are_shares_and_medians_over_the_drives():
     drives = [
-        Watched(Odometry.WAY, (seen(0.2), seen(0.03), seen(0.01)), 0.8, 0.1),
-        Watched(Odometry.WAY, (seen(0.2), seen(0.1), seen(-0.09)), 0.6, -0.3),
+        Watched(StateOdometry.WAY, (seen(0.2), seen(0.03), seen(0.01)), 0.8, 0.1),
+        Watched(StateOdometry.WAY, (seen(0.2), seen(0.1), seen(-0.09)), 0.6, -0.3),
     ]
     scores = unknown_camera._scores(drives)
     assert scores["height_within_5_percent_after_2_s_percent"] == 0.0
@@ -48,7 +48,7 @@ def test_the_scores_are_shares_and_medians_over_the_drives():
 @pytest.mark.long
 def test_a_drive_knows_its_camera_with_odometry_better_than_by_its_images_alone():
     by_odometry = {one.odometry: one for one in unknown_camera.watch((SEED, 0))}
-    known, images = by_odometry[Odometry.WAY_AND_TURN].seen[-1], by_odometry[Odometry.NONE].seen[-1]
+    known, images = by_odometry[StateOdometry.WAY_AND_TURN].seen[-1], by_odometry[StateOdometry.NONE].seen[-1]
     assert abs(known.height) < 0.05 and abs(known.focal) < 0.05
     assert known.height_sigma < 0.6 * images.height_sigma
 

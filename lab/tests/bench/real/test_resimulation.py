@@ -8,7 +8,7 @@ from lab.bench.perception.unknown_camera import unknown_drive
 from lab.bench.real import resimulation
 from lab.bench.real.frames import Picture
 from lab.bench.real.resimulation import bench_resimulation, scores, stretches_of, with_paths
-from sim_harness.footage.reprojection import Shift
+from sim_harness.footage.reprojection import PoseChange
 from sim_harness.footage.resimulation import resimulate
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
@@ -64,7 +64,7 @@ def test_without_steering_the_path_is_that_of_the_images():
 def test_the_scores_are_means_over_runs_and_sums_of_interventions():
     (stretch,) = with_paths(list(stretches_of("set", iter(pictures(speed_mps=10.4)))))
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    runs = [resimulate(stretch.drive, vehicle, start=Shift(left_m=left_m)) for left_m in (0.0, 0.5)]
+    runs = [resimulate(stretch.drive, vehicle, start=PoseChange(left_m=left_m)) for left_m in (0.0, 0.5)]
     found = scores([stretch], runs)
     assert found["runs"] == 2 and found["interventions"] == sum(run.interventions for run in runs)
     assert found["duration_s"] == pytest.approx(sum(run.duration_s for run in runs))

@@ -7,7 +7,7 @@ import cv2
 import pytest
 
 from lab.bench.severity.bench import DETAILS, bench_severity, draw, falls, summary
-from lab.bench.severity.drive import Task, driven_row, scenario_of
+from lab.bench.severity.drive import StressedDrive, driven_row, scenario_of
 from lab.bench.severity.stresses import GRADES, NOTHING, STRESSES, stress_of
 from sim_harness.scenarios import faults
 from sim_harness.sweep.store import Row
@@ -19,7 +19,7 @@ BAND = FearRules.load(CONFIG_DIR / "fear.yaml").file.hysteresis.band
 
 
 def row(stress: str, grade: int, mean: float, **causes: int) -> Row:
-    task = Task(stress, grade, "straight", 8.0, 1)
+    task = StressedDrive(stress, grade, "straight", 8.0, 1)
     return {**task._asdict(), "mean": mean, "worst": mean, "frames": 40, "causes": causes}
 
 
@@ -34,7 +34,7 @@ def test_every_disturbance_and_every_kind_of_fault_of_the_world_is_a_stress() ->
 
 @pytest.mark.parametrize("name", STRESSES)
 def test_every_grade_of_a_stress_is_another_drive_on_the_same_road(name: str) -> None:
-    scenarios = [scenario_of(Task(name, grade, "bend", 12.0, 1)) for grade in GRADES if grade]
+    scenarios = [scenario_of(StressedDrive(name, grade, "bend", 12.0, 1)) for grade in GRADES if grade]
     assert len({scenario.build_road().length_m for scenario in scenarios}) == 1
     stress = stress_of(name)
     told = {scenario.model_copy(update={"description": ""}).model_dump_json() for scenario in scenarios}
@@ -76,14 +76,15 @@ def test_the_summary_counts_falls_and_wrong_causes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["wrong speed", "wrong wheel angle", "wrong yaw rate"])
 def test_a_measurement_that_is_off_by_more_is_feared_more_and_named(name: str) -> None:
-    calm, worst = (driven_row(Task(name, grade, "straight", 12.0, 1)) for grade in (1, 5))
+    calm, worst = (driven_row(StressedDrive(name, grade, "straight", 12.0, 1)) for grade in (1, 5))
     assert worst["mean"] >= max(calm["mean"], 0.5)
     assert set(worst["causes"]) == {"doubted_state"}
 
 
 def test_a_car_on_rails_fears_lost_lanes_and_nothing_else() -> None:
     calm, blind = (
-        driven_row(Task(*stress, "straight", 12.0, 1)) for stress in ((NOTHING, 0), ("both blind", 5))
+        driven_row(StressedDrive(*stress, "straight", 12.0, 1))
+        for stress in ((NOTHING, 0), ("both blind", 5))
     )
     assert (calm["mean"], calm["causes"]) == (0.0, {})
     assert blind["mean"] == 1.0 and set(blind["causes"]) == {"no_road"}

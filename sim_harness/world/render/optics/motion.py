@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from trepid.car.camera import Camera
 from trepid.types import Array, Floats, Image
 
@@ -20,7 +20,7 @@ FINEST_PX = 1.5  # motion of the fastest pixel between two averaged moments
 MAX_WARPS = 5
 
 
-def road_after(motion: Motion, tau_s: ArrayLike) -> Array:
+def road_after(motion: ShutterMotion, tau_s: ArrayLike) -> Array:
     """Homogeneous road points of the vehicle at time 0 from those at times τ: (..., 3, 3), an arc."""
     tau = np.asarray(tau_s, float)
     half = motion.yaw_rate_radps * tau / 2
@@ -46,16 +46,16 @@ class Shake:
         self._pixel_from_vehicle = camera.intrinsics @ camera.optical_from_vehicle
         self._vehicle_from_pixel = np.linalg.inv(self._pixel_from_vehicle)
 
-    def ground(self, motion: Motion, tau_s: ArrayLike) -> Array:
+    def ground(self, motion: ShutterMotion, tau_s: ArrayLike) -> Array:
         """G(τ): pixels of the ground at time 0 from those at times τ, (..., 3, 3)."""
         return np.asarray(self._pixel_from_road @ road_after(motion, tau_s) @ self._road_from_pixel)
 
-    def sky(self, motion: Motion, tau_s: ArrayLike) -> Array:
+    def sky(self, motion: ShutterMotion, tau_s: ArrayLike) -> Array:
         """G(τ) for infinitely distant points: K·R(τ)·K⁻¹."""
-        turn = road_after(Motion(0.0, motion.yaw_rate_radps), tau_s)
+        turn = road_after(ShutterMotion(0.0, motion.yaw_rate_radps), tau_s)
         return np.asarray(self._pixel_from_vehicle @ turn @ self._vehicle_from_pixel)
 
-    def roll(self, image: Image, motion: Motion, readout_s: float) -> Image:
+    def roll(self, image: Image, motion: ShutterMotion, readout_s: float) -> Image:
         """``image`` with a rolling shutter: each row is warped to its own time within ``readout_s``."""
         rows, columns = image.shape[:2]
         u = np.arange(columns, dtype=np.float32)
@@ -71,7 +71,7 @@ class Shake:
         rolled = cv2.remap(image, from_column, from_row, cv2.INTER_LINEAR, borderMode=border)
         return np.asarray(rolled, np.uint8)
 
-    def blur(self, image: Image, motion: Motion, exposure_s: float) -> Image:
+    def blur(self, image: Image, motion: ShutterMotion, exposure_s: float) -> Image:
         """The mean of ``image`` over the exposure."""
         total = image.astype(np.float32)
         for k in range(1, self._warps(motion, exposure_s) + 1):
@@ -85,7 +85,7 @@ class Shake:
             total = np.asarray(cv2.addWeighted(total, 0.5, late, 0.5, 0), np.float32)
         return np.asarray(cv2.convertScaleAbs(total), np.uint8)
 
-    def _warps(self, motion: Motion, exposure_s: float) -> int:
+    def _warps(self, motion: ShutterMotion, exposure_s: float) -> int:
         """Number of warps that keeps the steps of the fastest pixel below FINEST_PX."""
         height, width = self._camera.height_px, self._camera.width_px
         corners = np.array([(0, height - 1, 1), (width - 1, height - 1, 1), (0, self._horizon, 1)], float).T

@@ -96,7 +96,7 @@ class Part(NamedTuple):
     bgr: Colour
 
 
-class Ring(NamedTuple):
+class UprightWheel(NamedTuple):
     """An upright wheel."""
 
     centre: Point
@@ -123,7 +123,7 @@ def draw_figure(image: Image, camera: Camera, figure: Figure, pose: Pose, *, mir
     if not mirrored:
         painter.shadow(figure.rear_m, -figure.rear_m, figure.width_m / 2)
     for part in sorted(_parts(figure), key=lambda part: _depth_m(painter, part), reverse=True):
-        if isinstance(part, Ring):
+        if isinstance(part, UprightWheel):
             _draw_ring(image, painter, part)
         else:
             _draw_part(image, painter, part, upwards=-1.0 if mirrored else 1.0)
@@ -138,9 +138,9 @@ def figure_outline(camera: Camera, figure: Figure, pose: Pose) -> Pixels | None:
     return np.asarray(cv2.convexHull(np.concatenate(found)), np.int32)
 
 
-def _depth_m(painter: Painter, part: Part | Ring) -> float:
+def _depth_m(painter: Painter, part: Part | UprightWheel) -> float:
     """Distance of the middle of a part."""
-    if isinstance(part, Ring):
+    if isinstance(part, UprightWheel):
         return float(painter.optical(np.array([part.centre]))[0, 2])
     return float(painter.optical(np.array([centre for centre, _ in part.balls]))[:, 2].mean())
 
@@ -171,7 +171,7 @@ def _draw_part(image: Image, painter: Painter, part: Part, *, upwards: float) ->
             cv2.fillConvexPoly(image, hull, shaded(part.bgr, tone), cv2.LINE_AA, SHIFT)
 
 
-def _draw_ring(image: Image, painter: Painter, ring: Ring) -> None:
+def _draw_ring(image: Image, painter: Painter, ring: UprightWheel) -> None:
     turns = np.arange(24) * math.tau / 24
     x, y, z = ring.centre
     circle = np.stack(
@@ -183,7 +183,7 @@ def _draw_ring(image: Image, painter: Painter, ring: Ring) -> None:
     cv2.polylines(image, [corners], True, RUBBER, thick_px, cv2.LINE_AA, SHIFT)
 
 
-def _parts(figure: Figure) -> list[Part | Ring]:
+def _parts(figure: Figure) -> list[Part | UprightWheel]:
     rng = np.random.default_rng((figure.looks, 61))
     match figure.shape:
         case Shape.ADULT | Shape.CHILD:
@@ -282,7 +282,7 @@ def _head(centre: Point, radius_m: float, clothes: Clothes) -> Iterator[Part]:
     yield Part((((x - 0.18 * radius_m, y, z + 0.32 * radius_m), slim_m), back), clothes.hair)
 
 
-def _cyclist(figure: Figure, clothes: Clothes) -> Iterator[Part | Ring]:
+def _cyclist(figure: Figure, clothes: Clothes) -> Iterator[Part | UprightWheel]:
     """A city bicycle with its rider, who sits half upright."""
     size = figure.height_m / 1.865
     phase = math.tau * figure.walked_m / (CRANK_TURN_M * size)
@@ -291,7 +291,7 @@ def _cyclist(figure: Figure, clothes: Clothes) -> Iterator[Part | Ring]:
         return (x * size, y * size, z * size)
 
     for x in (-0.58, 0.56):
-        yield Ring(at(x, 0.0, 0.34), 0.325 * size, 0.045 * size)
+        yield UprightWheel(at(x, 0.0, 0.34), 0.325 * size, 0.045 * size)
     crank, saddle, bar = at(-0.10, 0.0, 0.30), at(-0.28, 0.0, 0.95), at(0.42, 0.0, 1.05)
     frame = clothes.top if sum(clothes.top) < 330 else TUBE
     tubes = [(crank, saddle), (crank, at(0.36, 0.0, 0.78)), (bar, at(0.56, 0.0, 0.34))]

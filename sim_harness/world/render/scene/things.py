@@ -22,7 +22,7 @@ TRUNK_BGR, TRUNK_SHARE = (52, 66, 84), 0.35  # of a tree; of its height
 LEAVES = 7  # discs of a crown
 
 
-class Shape(StrEnum):
+class ThingShape(StrEnum):
     """What a thing looks like."""
 
     BLOCK = "block"  # of one colour: a wall, a hedge, a kerbstone, a post, a plate
@@ -34,7 +34,7 @@ class Shape(StrEnum):
 class Thing:
     """A thing on a rectangle of the ground: the pose is that of its middle, ``length_m`` lies along x."""
 
-    shape: Shape
+    shape: ThingShape
     length_m: float
     width_m: float
     height_m: float
@@ -50,11 +50,11 @@ def draw_thing(image: Image, camera: Camera, thing: Thing, pose: Pose) -> None:
     half_m = thing.width_m / 2
     ends_m = (-thing.length_m / 2, thing.length_m / 2)
     match thing.shape:
-        case Shape.TREE:
+        case ThingShape.TREE:
             _draw_tree(painter, thing)
-        case Shape.BLOCK:
+        case ThingShape.BLOCK:
             painter.box(ends_m, half_m, half_m, (thing.above_m, thing.height_m), thing.bgr)
-        case Shape.HOUSE:
+        case ThingShape.HOUSE:
             painter.box(ends_m, half_m, half_m, (0.0, thing.height_m), thing.bgr)
             for y_m in (-half_m, half_m):
                 if painter.faces_side(y_m):

@@ -69,14 +69,14 @@ class View:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class ShutterMotion:
     """Motion of the vehicle while the shutter is open."""
 
     speed_mps: float = 0.0
     yaw_rate_radps: float = 0.0
 
 
-STILL = Motion()
+STILL = ShutterMotion()
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class Shot:
     pose: Pose  # of the rear axle
     station_m: float
     t_s: float
-    motion: Motion
+    motion: ShutterMotion
     vehicles: tuple[tuple[Pose, Upright], ...]  # poses in vehicle axes, from far to near
     sun_bearing_rad: float  # left of the camera's axis
     seed: int

@@ -5,7 +5,7 @@ import pytest
 
 from perception.estimators import lane_cv_settings
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, PSI, E, LaneState
-from perception.lane.model.prediction import Motion, predict, steady
+from perception.lane.model.prediction import VehicleMotion, predict, steady
 from trepid.messages import VehicleState
 
 SETTINGS = lane_cv_settings()
@@ -17,7 +17,7 @@ def lane(offset_m=0.0, heading_rad=0.0, curvature_1pm=0.0) -> LaneState:
 
 
 def moved(state: LaneState, speed_mps=None, yaw_rate_radps=None) -> LaneState:
-    motion = Motion(speed_mps, yaw_rate_radps)
+    motion = VehicleMotion(speed_mps, yaw_rate_radps)
     return predict(state, 0.1, motion, track=SETTINGS.track, prior=SETTINGS.prior)
 
 
@@ -47,4 +47,4 @@ def test_a_motion_that_is_not_finite_is_not_known(value):
     state = VehicleState(
         t_s=0.0, speed_mps=value, road_wheel_angle_rad=0.0, yaw_rate_radps=value, driver_override=False
     )
-    assert Motion.of(state) == Motion.of(None) == Motion(None, None)
+    assert VehicleMotion.of(state) == VehicleMotion.of(None) == VehicleMotion(None, None)

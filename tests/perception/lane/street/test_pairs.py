@@ -5,7 +5,7 @@ import pytest
 
 from perception.estimators import lane_cv_settings
 from perception.lane.street.pairs import BoundaryKind, boundaries, kerb_side, pairs
-from perception.lane.street.profile import Course, Profile
+from perception.lane.street.profile import Profile, StreetCourse
 
 SETTINGS = lane_cv_settings().street.pairs
 LEFT_M = np.arange(7.0, -7.05, -0.1)
@@ -20,7 +20,7 @@ def street(lines=(), kerbs=(), road_m=(7.0, -7.0)):
         step[np.abs(LEFT_M - place_m).argmin()] = 0.6
     other = ((road_m[0] < LEFT_M) | (road_m[1] > LEFT_M)).astype(float)
     seen = np.ones(len(LEFT_M), bool)
-    return Profile(Course(0.0, 0.0, 0.4), LEFT_M, seen, line, np.zeros(len(LEFT_M)), step, other)
+    return Profile(StreetCourse(0.0, 0.0, 0.4), LEFT_M, seen, line, np.zeros(len(LEFT_M)), step, other)
 
 
 def ranked(profile, **kwargs):

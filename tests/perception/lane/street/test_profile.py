@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, GRASS, SETTINGS, WHITE, YELLOW, ribbon, road
 
-from perception.lane.street.profile import MIN_ROWS, Course
+from perception.lane.street.profile import MIN_ROWS, StreetCourse
 from perception.lane.street_finder import horizon_of, street_view
 
 DASHCAM = CAMERA.model_copy(
@@ -90,7 +90,7 @@ def test_a_bend_has_the_curvature_of_the_course(view, curvature_1pm):
 
 
 def test_a_course_near_the_one_before_wins_where_nothing_is_drawn(view):
-    near = Course(0.1, 0.0, horizon_of(DASHCAM))
+    near = StreetCourse(0.1, 0.0, horizon_of(DASHCAM))
     course = profile_of(view, plain(), near).course
     assert course.heading_rad == pytest.approx(0.1, abs=0.05)
 

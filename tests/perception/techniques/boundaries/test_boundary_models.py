@@ -27,7 +27,7 @@ from perception.techniques.boundaries.ransac import (
     ransac_parabola,
     straight_curve,
 )
-from perception.techniques.image.picture import Boundaries, Boundary, Evidence, Features, Kind
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence, FeatureKind, Features
 
 STRAIGHT = arc(math.inf, offset_m=0.2, heading_rad=0.03)
 
@@ -97,7 +97,7 @@ def test_the_same_seed_gives_the_same_curve(name):
 @pytest.mark.parametrize("name", FAMILIES)
 @pytest.mark.parametrize("response", [np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8)])
 def test_an_empty_map_has_no_boundaries_and_a_full_one_no_good_ones(name, response):
-    found = fit(name, Features(response, Kind.LINE))
+    found = fit(name, Features(response, FeatureKind.LINE))
     if not response.any():
         assert found.seen == 0 and found.reason
     for side in (found.left, found.right):
@@ -131,7 +131,7 @@ def test_the_radius_of_a_bend_is_right_to_a_tenth(name, radius_m):
 def test_a_prediction_selects_one_of_two_lines():
     near = features(arc(math.inf))
     far = features(lambda x: 0 * x + 1.2)
-    seen = Features(np.maximum(near.response, far.response), Kind.LINE)
+    seen = Features(np.maximum(near.response, far.response), FeatureKind.LINE)
     x_m = np.array([3.0, 30.0])
     for y_m in (1.7, 2.9):
         predicted = Boundaries(Boundary(x_m, np.full(2, y_m), 0.0, 1.0), None)
@@ -205,5 +205,5 @@ def test_arcs_remember_a_boundary_that_has_left_the_picture():
 
 
 def test_arcs_find_nothing_in_an_empty_picture():
-    nothing = arcs(Evidence(Features(np.zeros((240, 320), np.uint8), Kind.LINE), VIEW, None))
+    nothing = arcs(Evidence(Features(np.zeros((240, 320), np.uint8), FeatureKind.LINE), VIEW, None))
     assert nothing.seen == 0 and nothing.reason and arc_lane(nothing, VIEW) is None

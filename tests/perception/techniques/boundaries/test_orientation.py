@@ -6,7 +6,7 @@ from technique_rig import CAMERA, VIEW, below_horizon, ribbon, straight_boundari
 
 from perception.techniques.boundaries.orientation import dominant_edges, gabor
 from perception.techniques.boundaries.outliers import near_prediction
-from perception.techniques.image.picture import Evidence, Features, Kind
+from perception.techniques.image.picture import Evidence, FeatureKind, Features
 
 PLAIN = np.full((240, 320), 100, np.uint8)
 OFFSET_M, HEADING_RAD, WIDTH_M = 0.3, 0.06, 4.6
@@ -70,7 +70,7 @@ def test_the_mirrored_road_has_the_mirrored_edges():
 
 
 def test_without_directions_there_is_a_reason_and_no_edge():
-    found = dominant_edges(Evidence(Features(np.ones((240, 320), np.float32), Kind.LINE), VIEW))
+    found = dominant_edges(Evidence(Features(np.ones((240, 320), np.float32), FeatureKind.LINE), VIEW))
     assert found.seen == 0 and "gabor" in found.reason
 
 

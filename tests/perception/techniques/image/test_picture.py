@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from technique_rig import CAMERA, LANE, VIEW, road, straight_boundaries
 
-from perception.techniques.image.picture import Boundaries, Box, Motion, camera_view, moved
+from perception.techniques.image.picture import Boundaries, FrameMotion, PixelBox, camera_view, moved
 from perception.techniques.image.region import near, roi_fixed, roi_speed, roi_tracked
 from perception.techniques.image.warp import (
     BirdEyeSelf,
@@ -20,7 +20,7 @@ from perception.techniques.steering.lane import beside, exact_pair
 from perception.techniques.steering.rule import ImageLine, meeting_point
 
 ABOVE = view_from_above(VIEW, reach_m=30.0, half_width_m=8.0, pixel_m=0.08)
-CROP = VIEW.cropped(Box(100, 240, 20, 300))
+CROP = VIEW.cropped(PixelBox(100, 240, 20, 300))
 VIEWS = {"camera": VIEW, "crop": CROP, "half": VIEW.resized(160, 120), "above": ABOVE}
 
 
@@ -88,7 +88,7 @@ def test_without_lines_the_pitch_is_kept():
 
 def test_a_pitched_view_is_that_of_the_pitched_camera_also_in_a_part_of_its_picture():
     camera = CAMERA.model_copy(update=dict(pitch_down_rad=CAMERA.pitch_down_rad + 0.03))
-    box = Box(100, 240, 20, 300)
+    box = PixelBox(100, 240, 20, 300)
     expected = camera_view(camera).cropped(box)
     points = [(6.0, 1.0), (15.0, -2.0)]
     assert pitched(VIEW.cropped(box), 0.03).pixels(points) == pytest.approx(expected.pixels(points))
@@ -96,12 +96,12 @@ def test_a_pitched_view_is_that_of_the_pitched_camera_also_in_a_part_of_its_pict
 
 def test_boundaries_stay_on_the_road_while_the_vehicle_moves():
     here = straight_boundaries(offset_m=0.3, heading_rad=0.1)
-    there = moved(here, Motion(0.1, 10.0, 0.5))
+    there = moved(here, FrameMotion(0.1, 10.0, 0.5))
     state = exact_pair(there, VIEW)
     # 1 m along an arc that turns by 0.05: the heading grows by it, the offset by the heading on the way.
     assert state.lane.heading_rad == pytest.approx(0.15, abs=1e-6)
     assert state.lane.offset_m == pytest.approx(0.3 * np.cos(0.1) + np.sin(0.125), abs=1e-4)
-    assert moved(here, Motion(0.1, None, None)).left.y_m == pytest.approx(here.left.y_m)
+    assert moved(here, FrameMotion(0.1, None, None)).left.y_m == pytest.approx(here.left.y_m)
 
 
 @settings(max_examples=25, deadline=None)

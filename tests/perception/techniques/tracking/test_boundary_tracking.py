@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.techniques.image.picture import Boundaries, Motion
+from perception.techniques.image.picture import Boundaries, FrameMotion
 from perception.techniques.steering.lane import drawn, ground_curve
 from perception.techniques.tracking.kalman import Extended, Kalman, Unscented, nis, spread, update
 from perception.techniques.tracking.model import (
@@ -44,7 +44,7 @@ def drive(seconds: float, *, seed: int = 0, e: float = 0.3, radius_m: float = 80
         t_s = number * DT_S
         state[2] = 0.0 if t_s < 2 else 1 / radius_m
         rate = SPEED_MPS * state[2] + 0.08 * math.cos(1.2 * t_s + phase) - 0.25 * state[0] - 0.8 * state[1]
-        motion = Motion(DT_S, SPEED_MPS, rate)
+        motion = FrameMotion(DT_S, SPEED_MPS, rate)
         state = moved_state(state, motion)
         drives.append((state.copy(), motion))
     return drives
@@ -129,7 +129,7 @@ def test_a_lane_lost_for_too_long_is_none_and_not_the_old_one(name):
     last = NOTHING
     supports = []
     for _ in range(110):
-        last = tracker.step(NOTHING, Motion(DT_S, SPEED_MPS, 0.0))
+        last = tracker.step(NOTHING, FrameMotion(DT_S, SPEED_MPS, 0.0))
         supports.append(last.left.support if last.left else 0.0)
     assert last.seen == 0 and last.reason
     assert all(after <= before for before, after in pairwise(supports))
@@ -150,7 +150,7 @@ def test_the_new_lane_is_tracked_within_half_a_second_of_a_swap(name):
     tracker, rng, found = TRACKERS[name](), np.random.default_rng(0), []
     for number in range(75):
         state = np.array([1.6 if number < 50 else -1.9, 0.0, 0.0, WIDTH_M])  # over the line: the next lane
-        motion = Motion(DT_S, SPEED_MPS, 0.0)
+        motion = FrameMotion(DT_S, SPEED_MPS, 0.0)
         found.append(ground_curve(tracker.step(seen(state, rng), motion)).lane.offset_m - state[0])
     assert abs(found[50 + round(0.5 / DT_S)]) < 0.3 and abs(found[-1]) < 0.2
 
@@ -167,7 +167,7 @@ def test_the_innovations_of_the_linear_filter_match_its_covariance():
     rng = np.random.default_rng(5)
     truth, mean, covariance, values = np.zeros(4), np.zeros(4), np.eye(4) * 0.01, []
     noise, slope = np.diag(np.array([0.08, 0.015, 0.004, 0.12]) ** 2), np.eye(4)
-    motion = Motion(DT_S, SPEED_MPS, 0.0)
+    motion = FrameMotion(DT_S, SPEED_MPS, 0.0)
     matrix, drift = transition(motion), process_noise(motion)
     for _ in range(600):
         truth = matrix @ truth + rng.normal(size=4) * np.sqrt(np.diag(drift))
@@ -183,7 +183,7 @@ def test_the_innovations_of_the_linear_filter_match_its_covariance():
 @settings(max_examples=20, deadline=None)
 @given(e=st.floats(-1, 1), psi=st.floats(-0.2, 0.2), kappa=st.floats(-0.03, 0.03))
 def test_the_motion_and_its_matrix_agree_for_small_changes(e, psi, kappa):
-    motion, state = Motion(0.04, 10.0, 0.1), np.array([e, psi, kappa, 3.5])
+    motion, state = FrameMotion(0.04, 10.0, 0.1), np.array([e, psi, kappa, 3.5])
     nudged = (moved_state(state + np.eye(4) * 1e-6, motion) - moved_state(state, motion)).T / 1e-6
     assert nudged == pytest.approx(transition(motion), abs=0.02)
 
@@ -218,7 +218,7 @@ def test_the_updates_are_those_of_filterpy():
     theirs = kalman.KalmanFilter(dim_x=4, dim_z=3)
     theirs.x, theirs.P = np.zeros(4), np.diag([1.0, 0.1, 0.01, 0.3])
     theirs.H, theirs.R = np.eye(4)[:3], np.diag([0.01, 0.002, 0.0001])
-    motion = Motion(DT_S, SPEED_MPS, 0.2)
+    motion = FrameMotion(DT_S, SPEED_MPS, 0.2)
     theirs.F, theirs.Q = transition(motion), process_noise(motion)
     mean, covariance = theirs.x.copy(), theirs.P.copy()
     for _ in range(20):
@@ -243,5 +243,5 @@ def test_the_unscented_points_are_those_of_filterpy():
 
 def test_unknown_motion_keeps_the_lane():
     state = np.array([0.3, 0.1, 0.01, 3.5])
-    assert moved_state(state, Motion(0.04, None, None)) == pytest.approx(state)
-    assert moved_state(state, Motion(0.04, 10.0, None))[E] > 0.3  # it points left and goes on
+    assert moved_state(state, FrameMotion(0.04, None, None)) == pytest.approx(state)
+    assert moved_state(state, FrameMotion(0.04, 10.0, None))[E] > 0.3  # it points left and goes on

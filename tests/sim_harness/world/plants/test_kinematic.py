@@ -11,7 +11,7 @@ from message_rig import SHUTTLE
 from plant_rig import command, drive
 from scipy.special import fresnel
 
-from sim_harness.world.plants.actuators import Motion
+from sim_harness.world.plants.actuators import Actuation
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.state import PlantState
 
@@ -90,7 +90,7 @@ def test_the_exact_wheel_angle_along_a_clothoid_ends_within_a_micrometre_of_fres
     def motion(t_s):
         kappa = end_1pm * t_s / seconds
         understeer_rad = SHUTTLE.understeer_gradient_rad_per_mps2 * kappa * speed_mps**2
-        return Motion(speed_mps, 0.0, math.atan(SHUTTLE.wheelbase_m * kappa) + understeer_rad, 0.0, 0.0)
+        return Actuation(speed_mps, 0.0, math.atan(SHUTTLE.wheelbase_m * kappa) + understeer_rad, 0.0, 0.0)
 
     pose = (0.0, 0.0, 0.0)
     for k in range(round(seconds / h)):

@@ -11,7 +11,7 @@ from message_rig import SHUTTLE
 from plant_rig import command, drive
 from scipy.integrate import solve_ivp
 
-from sim_harness.world.plants.actuators import Motion
+from sim_harness.world.plants.actuators import Actuation
 from sim_harness.world.plants.axles import axles_of
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.runge_kutta import rk4
@@ -139,7 +139,7 @@ def test_mirrored_demands_drive_the_mirrored_path(angles, speed_mps):
 
 def smooth(t_s):
     """A speed, an acceleration and a tyre angle that are smooth in time."""
-    return Motion(10.0 + math.sin(t_s), math.cos(t_s), 0.08 * math.sin(1.5 * t_s), 0.0, 0.0)
+    return Actuation(10.0 + math.sin(t_s), math.cos(t_s), 0.08 * math.sin(1.5 * t_s), 0.0, 0.0)
 
 
 def integrated(plant, seconds, h):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim_harness.world.render.ground.ground import Ground
-from sim_harness.world.render.renderer import Motion, Renderer
+from sim_harness.world.render.renderer import Renderer, ShutterMotion
 from sim_harness.world.render.scene.standing import standing
 from sim_harness.world.roads.appearance import Light, Marking, Section
 from sim_harness.world.roads.disturbance_table import at, extinction_1pm, load_table
@@ -32,7 +32,7 @@ ROAD = Road(
 )
 GROUND = Ground(ROAD, seed=3)
 STATION_M = 60.0
-DRIVING = Motion(speed_mps=8.0, yaw_rate_radps=0.2)
+DRIVING = ShutterMotion(speed_mps=8.0, yaw_rate_radps=0.2)
 
 
 def renderer(*disturbances: Disturbance, camera: Camera = CAMERA, seed: int = 3) -> Renderer:

@@ -10,7 +10,7 @@ from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.vehicles import Body
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.appearance import Light, Section
 from sim_harness.world.roads.disturbances import Disturbance
 from sim_harness.world.roads.elevation import ElevationPoint
@@ -152,7 +152,7 @@ def test_disturbances_apply_to_roads_with_walls_and_hills(kind):
     both = road(walls=(Wall(side="left", from_m=0, to_m=200),), elevation=hill((0, 0.02), (90, -0.03)))
     vehicles = [((45.0, 0.0, 0.0), TRUCK)]
     clear, worse = (
-        frame(both, 20.0, *d, vehicles=vehicles, motion=Motion(8.0, 0.2))
+        frame(both, 20.0, *d, vehicles=vehicles, motion=ShutterMotion(8.0, 0.2))
         for d in ((), (Disturbance(kind=kind, grade=4),))
     )
     assert worse.shape == clear.shape

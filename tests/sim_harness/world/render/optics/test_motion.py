@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from sim_harness.world.render.optics.motion import Shake, road_after
-from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.render.scene.view import ShutterMotion
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 HORIZON = 96
 SHAKE = Shake(CAMERA, HORIZON)
-BEND = Motion(speed_mps=8.0, yaw_rate_radps=0.5)
+BEND = ShutterMotion(speed_mps=8.0, yaw_rate_radps=0.5)
 
 
 def moved(matrix, pixel):
@@ -49,7 +49,7 @@ def test_a_pole_leans_while_the_vehicle_turns(yaw_rate_radps):
     image = np.zeros((240, 320, 3), np.uint8)
     image[:, 159:162] = 255
     level = CAMERA.model_copy(update={"pitch_down_rad": 0.0})
-    rolled = Shake(level, 240).roll(image, Motion(0.0, yaw_rate_radps), 0.06)[:, :, 0].astype(float)
+    rolled = Shake(level, 240).roll(image, ShutterMotion(0.0, yaw_rate_radps), 0.06)[:, :, 0].astype(float)
     columns = (rolled * np.arange(320)).sum(axis=1) / rolled.sum(axis=1)
     expected = 160 + CAMERA.fx_px * np.tan(yaw_rate_radps * 0.06 * np.arange(240) / 240)
     assert columns == pytest.approx(expected, abs=0.3)
@@ -57,14 +57,14 @@ def test_a_pole_leans_while_the_vehicle_turns(yaw_rate_radps):
 
 def test_a_standing_vehicle_has_no_blur():
     image = np.random.default_rng(0).integers(0, 255, (240, 320, 3)).astype(np.uint8)
-    assert np.array_equal(SHAKE.blur(image, Motion(), 0.05), image)
-    assert np.abs(SHAKE.roll(image, Motion(), 0.05).astype(int) - image).max() <= 8
+    assert np.array_equal(SHAKE.blur(image, ShutterMotion(), 0.05), image)
+    assert np.abs(SHAKE.roll(image, ShutterMotion(), 0.05).astype(int) - image).max() <= 8
 
 
 def test_a_point_is_blurred_along_its_path():
     image = np.zeros((240, 320, 3), np.uint8)
     image[150, 230] = 255
-    speed = Motion(10.0, 0.0)
+    speed = ShutterMotion(10.0, 0.0)
     lit = np.argwhere(SHAKE.blur(image, speed, 0.05)[:, :, 0] > 0)
     end = moved(np.linalg.inv(SHAKE.ground(speed, 0.05)), (230.0, 150.0))
     assert lit[:, 1].min() >= 228 and lit[:, 0].min() >= 148
