@@ -84,7 +84,8 @@ def drive(
         ring=ring_name(now_s=time.time()) if record is None and settings.ring.max_mb > 0 else None,
     )
     context = context_of(course, plan.estimators, seed, plan.networks)
-    context |= {"raw_images": raw_images}
+    # a simulated world stands until the launcher awaits no process any more
+    context |= {"raw_images": raw_images, "awaits_release": True}
     if page is not None:
         drive_id = f"{running.pid}-{offset_ns}"
         context["page"] = {"host": page.host, "port": page.port, "what": what, "drive": drive_id}

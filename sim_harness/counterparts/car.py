@@ -49,7 +49,8 @@ class CarBehindWire:
             scenario, scenario.build_road(), self.vehicle, None, self.settings, seed=seed
         )
         self._send_truth, self._send_lead = me.bus.publisher(SIM_TRUTH), me.bus.publisher(LEAD_VEHICLE)
-        self._release = Release(me.bus)
+        self.release = Release(me)
+        """When the car may move."""
         self._send_users = me.bus.publisher(ROAD_USERS)
         self._publishes_lead = scenario.leads_by is LeadSensor.TRUTH
         self._user_sensor = build_road_user_sensor(scenario.road_users_by, seed=seed)
@@ -61,7 +62,7 @@ class CarBehindWire:
         The run begins with the first command after the release by the launcher; until then the car stands at the
         start of the scenario.
         """
-        if not self._release.is_granted() or command is None:
+        if not self.release.is_granted() or command is None:
             state, truth = self._simulated.wait(now_s=now_s)
         else:
             state, truth = self._simulated.step(command, now_s, now_s=now_s)

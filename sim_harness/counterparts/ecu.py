@@ -130,7 +130,9 @@ def run(me: Process) -> None:
             now_s = me.now_s()
             for address, extended, data in wire.frames():
                 ecu.take(address, extended, data, now_s=now_s)
-            state = car.step(ecu.command(speed_mps, wheel_rad, now_s=now_s), now_s=now_s)
+            released = car.release.is_granted()  # its faults count from then on
+            command = ecu.command(speed_mps, wheel_rad, now_s=now_s) if released else None
+            state = car.step(command, now_s=now_s)
             speed_mps, wheel_rad = abs(state.speed_mps or 0.0), state.road_wheel_angle_rad or 0.0
             for sender, frame in ecu.reports(state, now_s=now_s, step_s=car.settings.period_s):
                 wire.send(sender, frame)

@@ -24,7 +24,7 @@ def run(me: Process) -> None:
     then. Stop requests count from the start of the process.
     """
     scenario, settings = Scenario.model_validate(me.options["scenario"]), load_simulator()
-    command, release = me.bus.latest(COMMAND), Release(me.bus)
+    command, release = me.bus.latest(COMMAND), Release(me)
     send_state, send_truth = me.bus.publisher(VEHICLE_STATE), me.bus.publisher(SIM_TRUTH)
     send_lead, send_users = me.bus.publisher(LEAD_VEHICLE), me.bus.publisher(ROAD_USERS)
     simulated = SimulatedVehicle(
