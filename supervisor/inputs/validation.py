@@ -161,12 +161,16 @@ def surest_of_marking(estimates: list[ValidatedEstimate]) -> ValidatedEstimate |
 
 
 def state_doubt(state: VehicleState | None, *, now_s: float, settings: ValidationSettings) -> float | None:
-    """How much of the state is not measured, or does not hold; None for a state that is missing or stale.
+    """How much of the state is not measured, or does not hold; None for a state that is missing or stale,
+    or in which a car that is silent measures nothing.
 
     0: speed, wheel angle and yaw rate are measured. 0.5: one of them is left to compute the motion without the
     missing yaw rate. 1: the speed or the wheel angle is missing, or the torque of the driver is doubted.
     """
     if state is None or settings.age_s(state, now_s=now_s) > settings.state_fresh_s:
+        return None
+    silent = state.speed_mps is state.road_wheel_angle_rad is state.yaw_rate_radps is None
+    if silent and not state.doubted:
         return None
     if state.speed_mps is None or state.road_wheel_angle_rad is None:
         return 1.0

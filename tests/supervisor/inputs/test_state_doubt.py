@@ -1,6 +1,7 @@
 """Odometry goes on with what is left of the vehicle state, and what is missing is rated."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -67,3 +68,9 @@ def test_rules_that_do_not_rate_a_doubt_lose_the_motion_as_before():
 )
 def test_the_doubt_grows_with_what_is_missing(known, doubt):
     assert state_doubt(known, now_s=0.0, settings=SETTINGS) == doubt
+
+
+def test_a_silent_car_is_lost_and_not_doubted_and_one_whose_numbers_are_invalid_is_doubted():
+    nothing = state(None, None, None)
+    assert state_doubt(nothing, now_s=0.0, settings=SETTINGS) is None
+    assert state_doubt(replace(nothing, doubted=("speed_mps",)), now_s=0.0, settings=SETTINGS) == 1.0
