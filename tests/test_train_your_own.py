@@ -22,7 +22,10 @@ def test_three_commands_build_train_and_evaluate_and_the_network_answers_on_fram
     write_tub(folder / "mytub", frames=300)
     for command in COMMANDS:
         done = run(command + (SHORT if command.startswith("trepid train") else ""), folder)
-        assert done.returncode == 0, f"{command}: {done.stderr}"
+        unsure = command.startswith("trepid drive") and done.returncode == 1  # on the road of the simulator
+        assert done.returncode == 0 or unsure, f"{command}: {done.stderr}"
+    if unsure:
+        assert "not driven" in done.stdout and "waits for a lane with a confidence" in done.stdout
     assert "process steer" in done.stdout
     assert {"steer.onnx", "steer.md", "worst.png", "seen"} <= {path.name for path in folder.iterdir()}
     judged = run("trepid evaluate steer.onnx --data drives --json", folder)
