@@ -82,7 +82,7 @@ export class Rules {
       if (found.sha256) {
         this.saved = { ...this.saved, text, sha256: found.sha256, path: found.path };
         element("rule-path").textContent = found.path;
-        note = `written to ${found.path}; the car takes it over within a second`;
+        note = `applied: written to ${found.path}; the car takes it over within a second`;
         await this.draw();
       }
     } catch (error) {

@@ -21,6 +21,7 @@ tags: [nominal]
 road: straight
 duration_s: 1.0
 sight: truth
+expect: {must_stand: true}
 """
 ENDLESS = SECOND.replace("duration_s: 1.0", "duration_s: 36000\ndistance_m: 1e9").replace(
     "straight", "circuit"

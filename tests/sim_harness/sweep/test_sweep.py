@@ -19,7 +19,13 @@ from trepid.config import InputError
 
 pytestmark = pytest.mark.long
 SECOND = Scenario(
-    name="second", description="a second", tags=["nominal"], road="straight", duration_s=1.0, sight="truth"
+    name="second",
+    description="a second, at standstill",
+    tags=["nominal"],
+    road="straight",
+    duration_s=1.0,
+    sight="truth",
+    expect={"must_stand": True},
 )
 LONG = SECOND.model_copy(update={"name": "long", "duration_s": 3600.0, "road": "circuit", "distance_m": 1e6})
 INSTANT = SECOND.model_copy(update={"name": "instant", "duration_s": 1e-3})  # nothing to score
