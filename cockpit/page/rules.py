@@ -27,16 +27,10 @@ class RuleDesk:
         self._checker = Checker()
 
     def show(self) -> dict[str, Any]:
-        """Path, text, its hash, the place of an edit, and why none is kept ("": it is). Raises InputError."""
+        """Path, text, its hash, and why no edit is kept ("" when it is). Raises InputError."""
         self._checker.start()  # so that the first check finds it ready
         text = read_text(self.path)
-        return {
-            "path": str(self.path),
-            "text": text,
-            "sha256": _sha256(text),
-            "place": str(self._edited),
-            "fixed": self.fixed,
-        }
+        return {"path": str(self.path), "text": text, "sha256": _sha256(text), "fixed": self.fixed}
 
     @property
     def fixed(self) -> str:

@@ -250,7 +250,7 @@ def test_a_file_that_appeared_at_the_place_of_an_edit_is_not_overwritten(tmp_pat
     shipped, place = CONFIG_DIR / "fear.yaml", tmp_path / "fear.yaml"
     desk = RuleDesk(shipped, place)
     shown = desk.show()
-    place.write_text("of somebody else", encoding="utf-8")
+    place.write_text("text of another program", encoding="utf-8")
     with pytest.raises(Conflict, match="has been written by another program"):
         desk.apply(shown["text"], shown["sha256"])
-    assert place.read_text(encoding="utf-8") == "of somebody else"
+    assert place.read_text(encoding="utf-8") == "text of another program"
