@@ -193,7 +193,7 @@ def test_every_run_has_a_row_and_odd_names_are_only_text(browser):
     assert len(column(browser, "seed")) == 40
     assert column(browser, "scenario")[7] == "</script><b>odd"
     assert browser.find_elements("css selector", "#rows b") == []
-    assert "40 runs, 14 failed" in browser.find_element("id", "about").text
+    assert "40 runs, 14 not passed" in browser.find_element("id", "about").text
     assert browser.find_element("id", "title").text == "Forty runs & <some> %RUNS%"
 
 
