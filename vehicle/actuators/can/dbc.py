@@ -38,7 +38,9 @@ _MARK = re.compile(
 )
 _MESSAGE = re.compile(r"\s*BO_\s+(?P<id>\d+)\s+(?P<name>\w+)\s*:")
 _SIGNAL = re.compile(r"\s*SG_\s+(?P<name>\w+)\s*(?P<multiplex>m\d+M?|M)?\s*:\s*(?P<layout>[^\s(]*)")
+_MULTIPLEX = re.compile(r"(\A\s*SG_\s+\w+\s+)(?:m\d+M?|M)(?=\s*:)")
 _LAYOUT = re.compile(r"(?P<start>\d+)\|(?P<length>\d+)@(?P<order>[01])[+-]")
+_RANGES = re.compile(r"\s*SG_MUL_VAL_\s+(?P<id>\d+)\s+(?P<name>\w+)\s+\w+\s+(?P<ranges>[^;]*)")
 _OF_SIGNAL = re.compile(r"\s*(?:VAL_|SIG_VALTYPE_)\s+(?P<id>\d+)\s+(?P<name>\w+)")
 _ATTRIBUTE = re.compile(
     r'\s*(?:BA_DEF_|BA_DEF_DEF_|BA_)\s+(?:BO_\s+|SG_\s+)?"(?P<attribute>\w+)"'
@@ -65,8 +67,21 @@ class _Signal(NamedTuple):
 
     name: str
     statement: int  # number of its statement
-    multiplexed: bool
+    multiplex: str  # "M" selects, "m3" is in the frames whose selector is 3; "" is in all
     bits: Set[int]  # byte · 8 + bit; empty where the layout cannot be read
+
+    @property
+    def value(self) -> str:
+        """The value of the selector in the frames with this signal; "" where it is in all frames."""
+        return self.multiplex.strip("mM")
+
+
+class Selector(NamedTuple):
+    """The signal whose value says which multiplexed signals a frame holds."""
+
+    signal: str
+    value: int  # raw, in the frames with the mapped signals
+    multiplexed: Set[str]  # mapped signals that are only in these frames
 
 
 class _Message(NamedTuple):
@@ -87,6 +102,7 @@ class Dbc:
         self._statements = list(_statements(self._text))
         self._messages: dict[str, list[_Message]] = {}
         self._long_signals: dict[tuple[int, str], str] = {}  # message, short name -> long name
+        self._ranges: dict[tuple[int, str], str] = {}  # message, short name -> values of its selector
         self._index()
 
     def _index(self) -> None:
@@ -99,8 +115,10 @@ class Dbc:
                 newest = _Message(int(found["id"]), number, [])
                 found_messages.append((found["name"], newest))
             elif (found := _SIGNAL.match(text)) and newest is not None:
-                signal = _Signal(found["name"], number, bool(found["multiplex"]), _bits(found["layout"]))
+                signal = _Signal(found["name"], number, found["multiplex"] or "", _bits(found["layout"]))
                 newest.signals.append(signal)
+            elif found := _RANGES.match(text):
+                self._ranges[int(found["id"]), found["name"]] = found["ranges"].strip()
             elif (found := _LONG.match(text)) and (named := _LONG_NAME.match(found["rest"])):
                 if named["short"]:
                     self._long_signals[int(found["id"]), named["short"]] = named["long"]
@@ -119,17 +137,44 @@ class Dbc:
         first = self._messages[message][0]
         return [self._name(first, signal) for signal in first.signals]
 
-    def is_multiplexed(self, message: str) -> bool:
-        """Whether a signal of ``message`` is there in some frames only."""
-        return any(signal.multiplexed for signal in self._messages[message][0].signals)
+    def selector(self, name: str, signals: Set[str]) -> Selector | None:
+        """What tells the frames of the message ``name`` that hold its ``signals``; None where all of them do.
+
+        Raises InputError, with the place in the file, where no frame holds all of them, and for extended
+        multiplexing: a selector that is multiplexed itself, or a signal that several of its values select.
+        """
+        message = self._messages[name][0]
+        some = [each for each in message.signals if self._name(message, each) in signals and each.value]
+        if not some:
+            return None
+        first = some[0]
+        for other in some:
+            names = f"{first.name} and {other.name}"
+            ranges = self._ranges.get((message.identifier, other.name), f"{other.value}-{other.value}")
+            if ranges != f"{other.value}-{other.value}":
+                what = f"signal {other.name} of message {name} is there for the selectors {ranges}"
+                raise self._wrong(other.statement, f"{what} (SG_MUL_VAL_): expected one value")
+            if other.multiplex.endswith("M"):
+                what = f"signal {other.name} of message {name} is a selector that is multiplexed itself"
+                raise self._wrong(other.statement, f"{what}: not supported")
+            if other.value != first.value:
+                what = f"no frame of message {name} holds both {names}: their selector is {first.value} or"
+                raise self._wrong(other.statement, f"{what} {other.value}")
+        selecting = [each for each in message.signals if each.multiplex.endswith("M")]
+        if len(selecting) != 1 or selecting[0].multiplex != "M":
+            what = f"signal {first.name} of message {name} is multiplexed by {len(selecting)} selectors"
+            raise self._wrong(first.statement, f"{what}: expected one")
+        multiplexed = {self._name(message, each) for each in some}
+        return Selector(self._name(message, selecting[0]), int(first.value), multiplexed)
 
     def message(self, name: str, signals: Set[str]) -> Any:
         """The message ``name`` of cantools with those of its ``signals`` that the file has, and no others.
 
-        Bits of other signals are zero in a frame that is sent. Raises InputError, with the place in the file, for
-        a message that is there twice, a signal of ``signals`` that shares a bit with another one of its message or
-        is there twice, and for what cantools refuses in these parts: wrong syntax, an identifier of more than
-        11 bits without bit 31, a signal that is longer than its message.
+        A frame holds all of them, as one does whose selector has the value of :meth:`selector`. Bits of
+        other signals are zero in a frame that is sent. Raises InputError, with the place in the file, for a
+        message that is there twice, a signal of ``signals`` that shares a bit with another one of its
+        message or is there twice, and for what cantools refuses in these parts: wrong syntax, an identifier
+        of more than 11 bits without bit 31, a signal that is longer than its message.
         """
         message, *others = self._messages[name]
         if others:
@@ -168,6 +213,8 @@ class Dbc:
                     max(signal, other, key=lambda each: each.statement).statement,
                     f"message {name} has signal {signal.name} twice",
                 )
+            if signal.value and other.value and signal.value != other.value:
+                continue  # in different frames
             if shared := signal.bits & other.bits:
                 place = "bit {1} of byte {0}".format(*divmod(min(shared), _BYTE))
                 what = f"signals {signal.name} and {other.name} of message {name} overlap, first in {place}"
@@ -182,7 +229,8 @@ class Dbc:
             if number not in own and not _is_about(text, message.identifier, names):
                 parts += [_blank(self._text[position:start]), _blank(text)]
             else:
-                parts += [_blank(self._text[position:start]), text]
+                plain = _MULTIPLEX.sub(r"\1", text) if number in own else text
+                parts += [_blank(self._text[position:start]), plain]
             position = end
         return "".join(parts)
 

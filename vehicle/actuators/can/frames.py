@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vehicle.actuators.can.checksums import checksum
+from vehicle.actuators.can.dbc import Selector
 from vehicle.actuators.can.invalid import InvalidValues
 from vehicle.actuators.can.quantities import largest
 from vehicle.actuators.can.settings import Conversion, Mapped
@@ -89,7 +90,12 @@ class Sender:
     """A message that is sent: quantities to bytes."""
 
     def __init__(
-        self, mapped: Mapped, conversions: Sequence[Any], constants: Mapping[str, float], message: Any
+        self,
+        mapped: Mapped,
+        conversions: Sequence[Any],
+        constants: Mapping[str, float],
+        message: Any,
+        selector: Selector | None = None,
     ) -> None:
         self.address: int = message.frame_id
         self.extended: bool = message.is_extended_frame
@@ -100,6 +106,9 @@ class Sender:
         ]
         self._invalid = {each.signal: _invalid_value(message, each.signal) for each in conversions}
         self._rest = {signal.name: float(signal.offset) for signal in message.signals} | dict(constants)
+        if selector is not None:
+            chosen = message.get_signal_by_name(selector.signal)
+            self._rest[selector.signal] = selector.value * chosen.scale + chosen.offset
         self._count = 0
 
     def frame(self, quantities: Mapping[str, float]) -> bytes:
@@ -129,8 +138,15 @@ def _invalid_value(message: Any, name: str) -> float:
 class Receiver:
     """A message that arrives: bytes to quantities, refused with a wrong length, checksum or counter."""
 
-    def __init__(self, mapped: Mapped, conversions: Sequence[Any], message: Any) -> None:
+    def __init__(
+        self, mapped: Mapped, conversions: Sequence[Any], message: Any, selector: Selector | None = None
+    ) -> None:
+        """``selector``: what tells the frames with the mapped signals; None: all frames have them."""
         self.name: str = message.name
+        self._selector = selector
+        only = selector.multiplexed if selector else frozenset[str]()
+        self._sealed_everywhere = mapped.checksum is None or mapped.checksum.signal not in only
+        self._counted_everywhere = mapped.counter is None or mapped.counter.signal not in only
         self.address: int = message.frame_id
         self.extended: bool = message.is_extended_frame
         self._length: int = message.length
@@ -152,6 +168,8 @@ class Receiver:
     def quantities(self, data: bytes) -> dict[str, float] | None:
         """The quantities in ``data`` [SI] but those that are ``invalid``; None for a frame that is refused.
 
+        None, too, for a frame with other signals of a multiplexed message, which is not refused.
+
         The counter must be 1 to 3 ahead of that of the last intact frame: a repeated one is refused, a lost one is
         not an error. After a wrong counter three right ones in a row must come first, so that of two senders with
         one address neither counts.
@@ -160,16 +178,19 @@ class Receiver:
             self.refused["length"] += 1
             return None
         raws = self._message.decode(data, decode_choices=False, scaling=False)
-        if not self._protection.intact(data, raws):
+        chosen = self._selector is None or raws[self._selector.signal] == self._selector.value
+        if (chosen or self._sealed_everywhere) and not self._protection.intact(data, raws):
             self.refused["checksum"] += 1
             return None
-        if self._protection.counter is not None:
+        if self._protection.counter is not None and (chosen or self._counted_everywhere):
             before, self._count = self._count, int(raws[self._protection.counter])
             ahead = 1 if before is None else (self._count - before) % self._protection.modulo
             self._distrusted = max(self._distrusted - 1, 0) if 1 <= ahead <= 1 + MOST_LOST else RIGHT_AGAIN
             if self._distrusted:
                 self.refused["counter"] += 1
                 return None
+        if not chosen:
+            return None
         found: list[tuple[str, float]] = []
         self.invalid = {}
         for each, check in zip(self._conversions, self._checks, strict=True):

@@ -10,7 +10,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load, located, parse, read
 from trepid.spelling import did_you_mean
 from vehicle.actuators.can.checksums import WHOLE_BYTE
-from vehicle.actuators.can.dbc import Dbc
+from vehicle.actuators.can.dbc import Dbc, Selector
 from vehicle.actuators.can.frames import WORD, Receiver, Sender, raw_range, to_signal
 from vehicle.actuators.can.settings import (
     ROAD_WHEEL,
@@ -34,6 +34,7 @@ class SignalMap(NamedTuple):
 
     settings: CanMap
     messages: dict[str, Any]  # of cantools, by name
+    selectors: dict[str, Selector]  # of the messages whose mapped signals are not in every frame
 
     def senders(self) -> list[Sender]:
         """The commands as frames to send."""
@@ -46,11 +47,13 @@ class SignalMap(NamedTuple):
     def sender(self, mapped: Either) -> Sender:
         """``mapped`` as a frame to send."""
         constants = mapped.constants if isinstance(mapped, CommandMessage) else {}
-        return Sender(mapped, mapped.signals, constants, self.messages[mapped.message])
+        message = self.messages[mapped.message]
+        return Sender(mapped, mapped.signals, constants, message, self.selectors.get(mapped.message))
 
     def receiver(self, mapped: Either) -> Receiver:
         """``mapped`` as a frame to receive."""
-        return Receiver(mapped, mapped.signals, self.messages[mapped.message])
+        message = self.messages[mapped.message]
+        return Receiver(mapped, mapped.signals, message, self.selectors.get(mapped.message))
 
 
 def load_map(path: Path, vehicle: Vehicle) -> SignalMap:
@@ -69,7 +72,7 @@ def load_map(path: Path, vehicle: Vehicle) -> SignalMap:
     for k, report in enumerate(settings.reports):
         check.message(("reports", k), report, _angles(ranges))
     check.completeness(settings)
-    return SignalMap(settings, check.messages)
+    return SignalMap(settings, check.messages, check.selectors)
 
 
 def _database(path: Path, data: CommentedMap, settings: CanMap) -> Dbc:
@@ -114,6 +117,7 @@ class _Check:
     def __init__(self, path: Path, data: CommentedMap, dbc: Dbc) -> None:
         self._path, self._data, self._dbc = path, data, dbc
         self.messages: dict[str, Any] = {}
+        self.selectors: dict[str, Selector] = {}
 
     def _wrong(self, where: Place, what: str) -> InputError:
         return InputError(located(where, what, self._data, self._path))
@@ -126,10 +130,11 @@ class _Check:
             raise self._wrong((*where, "message"), f"the DBC has no message {name!r}; {hint}")
         if name in self.messages:
             raise self._wrong((*where, "message"), f"{name!r} has an entry already")
-        if self._dbc.is_multiplexed(name):
-            raise self._wrong((*where, "message"), f"{name!r} is multiplexed, which is not supported")
-        message = self.messages[name] = self._dbc.message(name, _signal_names(mapped))
-        used: set[str] = set()
+        names, used = _signal_names(mapped), set[str]()
+        if selector := self._dbc.selector(name, names):
+            self.selectors[name] = selector
+            names.add(selector.signal)
+        message = self.messages[name] = self._dbc.message(name, names)
         signals: tuple[CommandSignal | ReportSignal, ...] = mapped.signals
         for k, each in enumerate(signals):
             place = (*where, "signals", k)
@@ -139,6 +144,9 @@ class _Check:
         for constant, value in (mapped.constants if isinstance(mapped, CommandMessage) else {}).items():
             signal = self._signal((*where, "constants", constant), message, constant, used)
             self._holds((*where, "constants", constant), signal, value, value)
+            if selector and constant == selector.signal:
+                what = f"{constant!r} selects the signals of a frame, and is sent as {selector.value}"
+                raise self._wrong((*where, "constants", constant), f"{what}: leave it out")
         self._protection(where, mapped, message, used)
 
     def _signal(self, where: Place, message: Any, name: str, used: set[str]) -> Any:
