@@ -2,14 +2,15 @@
 
 Separator: comma, semicolon, tab or bar, whichever divides most lines alike, or what a first line such as ``sep=;``
 of a spreadsheet says. Decimal mark: a comma in columns without decimal points, where the table has cells such as
-``0,12``; these get a point. What has two meanings, such as decimal commas between commas, is refused by its name.
+``0,12`` or ``1.234,5``; these get a point. Marks after thousands are dropped, as in ``1,234.5`` and ``1 234,5``.
+What has two meanings, such as decimal commas between commas, is refused by its name.
 """
 
 import csv
 import io
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +25,12 @@ _STATED = re.compile(r"\"?sep=(.)\"?", re.IGNORECASE)
 _COMMA_NUMBER = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
 _POINT_NUMBER = re.compile(r"\s*[+-]?\d*\.\d+(?:[eE][+-]?\d+)?\s*")
 _THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:,\d{3})+\s*")
+_SPACES = "[ \u00a0\u202f'\u2019]"  # after thousands: also those without a break, and apostrophes
+_SPACED = re.compile(rf"\s*[+-]?[1-9]\d{{0,2}}(?:{_SPACES}\d{{3}})+(?:[.,]\d+)?\s*")
+_AFTER_COMMAS = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:,\d{3})+\.\d+\s*")
+_AFTER_POINTS = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:\.\d{3})+,\d+\s*")
+_POINTS = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:\.\d{3})+\s*")
+_NUMBER = re.compile(r"\s*[+-]?[\d.,]*\d[.,]?(?:[eE][+-]?\d+)?\s*|")
 _HALVES = re.compile(r"(?:^|,)\s*[+-]?\d+,\d+\s*(?:,|$)")
 
 
@@ -63,7 +70,7 @@ def read_rows(path: Path) -> list[Row]:
     refuse_halved_numbers(path, rows, len(rows[0].cells))
     if separator != ",":
         detail(f"trepid: {path}: cells divided by {separator!r}")
-    return _with_points(rows)
+    return _with_points(path, rows)
 
 
 def refuse_halved_numbers(path: Path, rows: list[Row], columns: int) -> None:
@@ -105,21 +112,74 @@ def _separator(text: str) -> str:
         return SEPARATORS[0]
 
 
-def _with_points(rows: list[Row]) -> list[Row]:
-    """The rows with points for decimal commas, where the table has these."""
-    columns: dict[int, list[str]] = defaultdict(list)
+def _with_points(path: Path, rows: list[Row]) -> list[Row]:
+    """The rows with points for decimal commas, where the table has these, and without marks after thousands."""
+    columns: dict[int, list[Row]] = defaultdict(list)
     for row in rows:
         for at, cell in enumerate(row.cells):
-            if "," in cell or "." in cell:
-                columns[at].append(cell)
-    pointless = [at for at, cells in columns.items() if not any(map(_POINT_NUMBER.fullmatch, cells))]
-    sure = any(
-        _COMMA_NUMBER.fullmatch(cell) and not _THOUSANDS.fullmatch(cell)
-        for at in pointless
-        for cell in columns[at]
-    )
-    for row in rows if sure else ():
-        for at in pointless:
-            if at < len(row.cells) and _COMMA_NUMBER.fullmatch(row.cells[at]):
-                row.cells[at] = row.cells[at].replace(",", ".")
+            if "," in cell or "." in cell or _SPACED.fullmatch(cell):
+                columns[at].append(row)
+    for at, marked in columns.items():
+        if _is_of_numbers(rows, at):
+            _rewrite(marked, at, _SPACED, lambda cell: re.sub(_SPACES, "", cell.strip()))
+    commas = [line for at, marked in columns.items() for line in _comma_lines(marked, at)]
+    points = [line for at in columns for line in _lines(columns[at], at, _AFTER_COMMAS)]
+    if commas and points:
+        what = f"a comma after thousands, and decimal commas in line {commas[0]}: write one form of numbers"
+        raise InputError(f"{path}:{points[0]}: {what}")
+    for at, marked in columns.items():
+        if commas:
+            _points_for_commas(path, marked, at, commas[0])
+        elif points:
+            for form in (_AFTER_COMMAS, _THOUSANDS):
+                _rewrite(marked, at, form, lambda cell: cell.replace(",", ""))
     return rows
+
+
+def _comma_lines(rows: list[Row], at: int) -> list[int]:
+    """The lines whose cell ``at`` has a decimal comma for sure."""
+    found = _lines(rows, at, _AFTER_POINTS)
+    if not _lines(rows, at, _POINT_NUMBER):
+        groups = _lines(rows, at, _THOUSANDS)
+        found += [line for line in _lines(rows, at, _COMMA_NUMBER) if line not in groups]
+    return found
+
+
+def _lines(rows: list[Row], at: int, form: re.Pattern[str]) -> list[int]:
+    """The lines whose cell ``at`` has ``form``."""
+    return [row.line for row in rows if form.fullmatch(row.cells[at])]
+
+
+def _rewrite(rows: list[Row], at: int, form: re.Pattern[str], plain: Callable[[str], str]) -> None:
+    """Let the cells ``at`` of ``form`` be as ``plain`` writes them."""
+    for row in rows:
+        if form.fullmatch(row.cells[at]):
+            row.cells[at] = plain(row.cells[at])
+
+
+def _is_of_numbers(rows: list[Row], at: int) -> bool:
+    """Whether the cells ``at`` are numbers or empty, but for that of the first row."""
+    cells = [row.cells[at] for row in rows[1:] if at < len(row.cells)]
+    return all(_NUMBER.fullmatch(cell) or _SPACED.fullmatch(cell) for cell in cells)
+
+
+def _points_for_commas(path: Path, rows: list[Row], at: int, comma_line: int) -> None:
+    """Write the cells ``at`` of a table with decimal commas, as in line ``comma_line``, with points.
+
+    A cell such as ``1.234`` beside numbers with commas in its column has a point after thousands, and beside points
+    as in ``0.05`` a decimal point. Where the column has neither, InputError is raised.
+    """
+    groups, pointed = _lines(rows, at, _POINTS), _lines(rows, at, _POINT_NUMBER)
+    commas = _lines(rows, at, _COMMA_NUMBER) + _lines(rows, at, _AFTER_POINTS)
+    if groups and len(groups) == len(pointed):
+        if not commas:
+            cell = next(row.cells[at] for row in rows if row.line == groups[0])
+            what = f"{cell.strip()!r} may have a point after thousands or a decimal point"
+            raise InputError(
+                f"{path}:{groups[0]}: {what}; line {comma_line} has decimal commas: write one form"
+            )
+        _rewrite(rows, at, _POINTS, lambda cell: cell.replace(".", ""))
+        pointed = []
+    if not pointed:
+        _rewrite(rows, at, _COMMA_NUMBER, lambda cell: cell.replace(",", "."))
+    _rewrite(rows, at, _AFTER_POINTS, lambda cell: cell.replace(".", "").replace(",", "."))
