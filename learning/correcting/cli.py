@@ -44,7 +44,9 @@ def correct(
     ] = 1.0,
     start: Annotated[
         Path | None,
-        typer.Option(metavar="F.onnx", help="Begin with this network; default: train it on --data."),
+        typer.Option(
+            metavar="F.onnx", help="Begin with this network and F.onnx.train; default: train it on --data."
+        ),
     ] = None,
     config: Annotated[
         Path | None, typer.Option(metavar="F.yaml", help="Recipe, as of `trepid train`.")
@@ -71,6 +73,7 @@ def correct(
     from learning.correcting.rounds import correct as do
     from learning.dataset.dataset import Dataset
     from learning.training.run import run
+    from learning.training.start import check_start
     from perception.estimators import name_of
     from perception.net.driver import DriverNetwork
     from sim_harness.lockstep.closed_loop import check_configuration
@@ -79,6 +82,7 @@ def correct(
     name_of(out.name)
     if start is not None:
         DriverNetwork(start)
+        check_start(start)
     driven = {"speed_mps": str(speed)}
     check_configuration(load_scenario(one, driven) for one in scenarios)
     plan = Plan(

@@ -1,14 +1,13 @@
 """Rounds of driving alone, labelling and training: DAgger (Ross, Gordon and Bagnell, AISTATS 2011).
 
 Round 0 trains on the data set, or starts with a given network. Every further round adds the corrections of the
-drives before it to the data set and trains anew on all of it. All intermediate files are in the folder
-OUT.correct; each is written whole, so that a killed correction continues where it was.
+drives before it to the data set and trains the network of the round before on all of it. All intermediate files are
+in the folder OUT.correct; each is written whole, so that a killed correction continues where it was.
 """
 
 import hashlib
 import json
 import math
-import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -121,6 +120,11 @@ def _claim(plan: Plan, *, resume: bool) -> None:
                 f"{plan.folder}: of other data, network, recipe, car or drives; remove it, or name another --out"
             )
         return
+    if plan.out.exists():
+        raise InputError(
+            f"{plan.out}: is there, and would be overwritten at the end: name another --out; --start {plan.out}"
+            " begins with it"
+        )
     plan.folder.mkdir(parents=True, exist_ok=True)
     write_whole(path, identity.encode())
 
@@ -133,12 +137,24 @@ def _make_network(plan: Plan, number: int, added: list[Dataset], train: Train, r
         return
     out.parent.mkdir(parents=True, exist_ok=True)
     if number == 0 and plan.start is not None:
-        shutil.copyfile(plan.start, out)
+        from learning.training.start import copy_start  # here: a process that drives loads no torch
+
+        copy_start(plan.start, out)
         write_whole(done, b"{}")
         return
     data = joined(out.parent / "data", plan.data, added, command=plan.command) if added else plan.data
     report(f"round {number}: training on {len(data.rows('train'))} frames")
-    found = train(data, plan.model, out, plan.recipe, resume=True, command=plan.command, report=report)
+    start = plan.network(number - 1) if number else None
+    found = train(
+        data,
+        plan.model,
+        out,
+        plan.recipe,
+        resume=True,
+        command=plan.command,
+        report=report,
+        start=start,
+    )
     write_whole(done, json.dumps(found["scores"]).encode())
 
 

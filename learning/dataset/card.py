@@ -14,6 +14,7 @@ from learning.dataset.dataset import NONE, SPLITS, Dataset, Rows
 from learning.dataset.likeness import STILL
 from learning.dataset.motion import Delay, delay_of, suspicious
 from learning.dataset.route_camera import route_camera
+from learning.dataset.split import without_steering
 from perception.estimators import Estimator, entry_of
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
@@ -163,6 +164,12 @@ def _findings(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[dict
     ):
         left = f"{100 * angle['left_share']:.0f} % of the bends are to the left"
         found.append((left, "record the other direction too, or train with mirrored images"))
+    rows = dataset.rows()
+    for split in SPLITS:
+        angles = rows["road_wheel_rad"][rows["split"] == split]
+        if without_steering(angles[np.isfinite(angles)]):
+            flat = f"the angles of the {split} frames hardly vary: any constant fits them"
+            found.append((flat, "record bends to both sides; with several drives build with --split route"))
     if card["duration_s"] < 60 * LEAST_MINUTES:
         found.append((f"only {card['duration_s'] / 60:.1f} min of driving", "record more"))
     if light and light["dark_share"] + light["bright_share"] > 0.1:

@@ -6,6 +6,7 @@ routes are the test, others the validation. A border never lies inside a frozen 
 validation that look like a row of a later split are left out.
 """
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -14,12 +15,22 @@ from numpy.typing import NDArray
 from learning.dataset.dataset import NONE, SPLITS, Split
 from learning.dataset.likeness import STILL, ImageMeasurements, near_duplicates
 from trepid.config import InputError
-from trepid.types import Column, Mask
+from trepid.types import Column, Floats, Mask
 
 PAUSE_PERIODS = 5.0  # a step in time of more usual periods is a pause ...
 ROUNDING_S = 1e-6
 LEAST_PAUSE_S = 0.5  # ... if it is this long
+LEAST_SPREAD_RAD = math.radians(0.1)
+"""Standard deviation of recorded road-wheel angles below which a split shows no steering.
+
+A steering wheel of the ratio 16 then moves by 1.6°, as in a hand that holds it still.
+"""
 GAP, ALIKE_WHY = "gap between splits", "near duplicate of a frame of a later split"
+
+
+def without_steering(angles_rad: Column | Floats) -> bool:
+    """Whether recorded angles (n,) vary so little that any constant fits them; false without angles."""
+    return len(angles_rad) > 0 and float(np.std(angles_rad)) < LEAST_SPREAD_RAD
 
 
 def stretches(t_s: Column, route: NDArray[np.str_]) -> NDArray[np.int32]:

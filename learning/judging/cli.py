@@ -72,6 +72,9 @@ def evaluate(
         print_json(rows)
     else:
         print_table(COLUMNS, {"model", "weights"}, [*map(cells, rows), *baseline_cells(bench.baselines)])
+        for row in rows:
+            for line in closing_lines(row):
+                typer.echo(line)
     return 0
 
 
@@ -92,6 +95,12 @@ def draw(picture: Path, bench: "Bench", model: "JudgedModel", found: "Prediction
         found.angle_rad[worst],
         model.network,
     )
+
+
+def closing_lines(row: dict[str, Any]) -> list[str]:
+    """What the comparison with the baselines says about a model: its findings, then the conclusion."""
+    findings = [f"{row['model']}: finding: {one['sentence']}" for one in row["findings"]]
+    return [*findings, f"{row['model']}: {row['conclusion']}"]
 
 
 def cells(row: dict[str, Any]) -> list[str]:

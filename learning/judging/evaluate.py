@@ -5,19 +5,20 @@ of a moment ago), and the errors that it states: coverage of intervals, order of
 """
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from learning.dataset.dataset import Dataset, Rows
+from learning.dataset.dataset import Dataset
 from learning.judging import scores
+from learning.judging.baselines import Baselines
 from learning.judging.bootstrap import block_frames, intervals
 from learning.judging.predictions import JudgedModel, Predictions
-from learning.judging.scores import Angles, Scores
+from learning.judging.scores import Angles
 from perception.net.driver import TOLERANCE_RAD
-from trepid.config import InputError
 
 COVERAGES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
 LEAST_FRAMES = 20  # for statements about the order of errors
@@ -70,26 +71,6 @@ def world(error_deg: Angles, unlike: Angles) -> dict[str, float | None]:
     }
 
 
-AGO_S = 0.2
-
-
-def previous(angles: Angles, t_s: Angles, stretch: NDArray[np.int64], *, ago_s: float = AGO_S) -> Angles:
-    """The newest angle of the same stretch that is at least ``ago_s`` old at each frame; NaN without one.
-
-    Frames are in the order of stretches and time. A delay of 0.2 s is about that of a driver, so that this baseline
-    has seen the driver steer; an image model has not.
-    """
-    found = np.full(len(angles), np.nan)
-    for number in np.unique(stretch):
-        (inside,) = np.nonzero(stretch == number)
-        at = np.searchsorted(t_s[inside], t_s[inside] - ago_s + 1e-6, side="right") - 1
-        known = at >= 0
-        found[inside[known]] = angles[inside[at[known]]]
-    return found
-
-
-Flags = NDArray[np.bool_]
-
 BIN_RATIO = 16.0  # steering-wheel angle / road-wheel angle of the bins, as of a passenger car
 LIGHTS = {"dark": 0.0, "dim": 0.2, "day": 0.4, "bright": 0.65}
 """Name of a group of frames -> its least mean grey."""
@@ -111,30 +92,13 @@ class Bench:
         Raises InputError for an unknown split and for one without labelled frames.
         """
         self.dataset = dataset
-        dataset.rows(split)  # raises for an unknown name
-        every = dataset.rows()
-        labelled = every[np.isfinite(every["road_wheel_rad"])]
-        judged = labelled["split"] == split
-        if not judged.any():
-            raise InputError(f"{dataset.folder}: no labelled frame in the split {split!r}")
-        self.rows = labelled[judged]
+        self._without_image = Baselines(dataset, split, trained=trained)
+        self.rows = self._without_image.rows
         self.unit_deg = math.degrees(ratio or 1.0)  # output degrees per radian of the road wheel
         self._wheel_ratio = 1.0 if ratio else BIN_RATIO  # degrees of the steering wheel per output degree
         self.true_deg: Angles = self.rows["road_wheel_rad"] * self.unit_deg
         self._lights = light_names(self.rows["light"])
-        learned = (trained or dataset).rows("train")["road_wheel_rad"]
-        self.baselines = self._baselines(labelled, judged, learned[np.isfinite(learned)])
-
-    def _baselines(self, labelled: Rows, judged: Flags, trained: Angles) -> dict[str, Scores]:
-        """MAE of the predictions without an image, each on the frames that have one; the mean is of ``trained``."""
-        angles = labelled["road_wheel_rad"]
-        ago = previous(angles, labelled["t_s"], labelled["stretch"])[judged]
-        found = {
-            "always_straight": np.zeros(len(ago)),
-            "mean": np.full(len(ago), trained.mean() if len(trained) else math.nan),
-            "previous_200ms": ago,
-        }
-        return {name: _known(one * self.unit_deg, self.true_deg) for name, one in found.items()}
+        self.baselines = self._without_image.scores(self.unit_deg)
 
     def row(self, model: JudgedModel, found: Predictions) -> dict[str, Any]:
         """The scores of ``model``; those of an estimator on the frames with an answer."""
@@ -155,6 +119,8 @@ class Bench:
             "latency_p99_ms": float(np.percentile(found.latency_ms, 99)),
             "baselines": self.baselines,
         }
+        learning = self._without_image.learning(found.angle_rad, unit_deg=self.unit_deg)
+        row |= {"findings": [asdict(one) for one in learning.findings], "conclusion": learning.conclusion}
         if not seen.any():
             return row
         rate = (rows["t_s"], rows["stretch"])
@@ -207,13 +173,6 @@ class Bench:
             }
             for n in self.worst(found)
         ]
-
-
-def _known(angles: Angles, true_deg: Angles) -> Scores:
-    """Frames and MAE where ``angles`` is a number."""
-    known = np.isfinite(angles)
-    mae = float(np.abs(angles - true_deg)[known].mean()) if known.any() else None
-    return {"mae_deg": mae, "frames": int(known.sum())}
 
 
 def light_names(grey: Angles) -> NDArray[np.str_]:

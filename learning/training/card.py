@@ -10,6 +10,7 @@ from learning.training.recipe import Recipe
 from trepid.config import InputError
 from trepid.files.whole import replacing, write_whole
 
+FIRST = ", the first weights: no epoch improved on them"
 MARK = "written by Trepid"
 LIMITS = """\
 - The network repeats what the drivers of these frames did on these routes in this light. Lanes, other vehicles and
@@ -57,6 +58,7 @@ def write_card(
     """The model card ``path``: what it is, data, command, scores, limits, recipe."""
     scores = "\n".join(f"| {name} | {value:g} |" for name, value in metadata["scores"].items())
     described = "\n".join(f"| {name} | {value} |" for name, value in facts.items())
+    findings = "".join(f"- {one['sentence']}\n" for one in metadata["findings"]) or "No findings.\n"
     licences = "\n".join(f"- {line}" for line in metadata["licence"]) or "- none stated"
     text = f"""# {path.stem}: {metadata["model"]}
 
@@ -74,7 +76,12 @@ road-wheel angle [rad, + = left], {MARK}. First weights of its trunk: {metadata[
 {scores}
 
 |error| ≤ {metadata["interval_90"]:.3f} σ in 90 % of frames like these.
-Best epoch {progress.best_epoch} of {progress.epoch}.
+Best epoch {progress.best_epoch} of {progress.epoch}{FIRST if not progress.best_epoch else ""}.
+
+## What was learned
+
+{findings}
+{metadata["conclusion"]}
 
 ## Licences of the data
 

@@ -24,6 +24,13 @@ def train(
         Path | None, typer.Option(metavar="DIR", help="Data set of `trepid dataset build`.")
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="F.onnx", help="Weights file to write.")] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F.onnx",
+            help="Begin with the weights of this network, which F.onnx.train holds; default: those of the recipe.",
+        ),
+    ] = None,
     config: Annotated[
         Path | None,
         typer.Option(
@@ -53,6 +60,7 @@ def train(
         raise InputError("trepid train needs --data DIR, the data set, and --out F.onnx, the weights file")
     if out.suffix != ".onnx":
         raise InputError(f"--out {out}: the name of a weights file ends with .onnx")
+    refuse_own_start(start, out)
     recipe = load_recipe(name, config, overrides=parse_overrides(changes or []))
     need_torch("train")
     from learning.dataset.card import counted
@@ -62,7 +70,9 @@ def train(
     opened = Dataset.open(data)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        found = run(opened, name, out, recipe, resume=resume, command=typed_command(), report=say)
+        found = run(
+            opened, name, out, recipe, resume=resume, command=typed_command(), report=say, start=start
+        )
     except OSError as error:
         raise InputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
     if as_json:
@@ -74,6 +84,15 @@ def train(
             f" trained on {routes}"
         )
         typer.echo(f"{out.with_suffix('.md')}: its card")
+        for one in found["findings"]:
+            typer.echo(f"finding: {one['sentence']}")
+        typer.echo(found["conclusion"])
+
+
+def refuse_own_start(start: Path | None, out: Path) -> None:
+    """Raise InputError where a training would overwrite the network that it begins with."""
+    if start is not None and out.exists() and start.exists() and out.samefile(start):
+        raise InputError(f"--out {out}: is the network of --start itself; name another file")
 
 
 def quantise(

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,15 +44,19 @@ def export(
     return difference
 
 
-def largest_difference(network: SteeringNetwork, path: Path, frames: Frames) -> float:
-    """Greatest |torch − ONNX Runtime| of angle, deviation and next state over the first frames.
+OUTPUTS = ("road_wheel_rad", "sigma_rad")
+
+
+def largest_difference(
+    network: SteeringNetwork, path: Path, frames: Frames, *, names: Sequence[str] = OUTPUTS
+) -> float:
+    """Greatest |torch − ONNX Runtime| of the outputs ``names`` and of the next state over the first frames.
 
     That of the state is relative to its greatest number, where this is above 1: its numbers have no bound.
     """
     images = frames.images[:COMPARED].copy()
     feeds: dict[str, Any] = {"image": images}
     inputs = [torch.from_numpy(images)]
-    names = ["road_wheel_rad", "sigma_rad"]
     if network.memory is not None:
         state = (
             np.random.default_rng(0)
@@ -60,11 +65,11 @@ def largest_difference(network: SteeringNetwork, path: Path, frames: Frames) -> 
         )
         feeds["state"] = state
         inputs.append(torch.from_numpy(state))
-        names.append("next_state")
+        names = [*names, "next_state"]
     with torch.no_grad():
-        wanted = Exported(network)(*inputs)
+        wanted = dict(zip((*OUTPUTS, "next_state"), Exported(network)(*inputs), strict=False))
     found = open_session(path).run(names, feeds)
-    pairs = ((w.numpy(), f) for w, f in zip(wanted, found, strict=True))
+    pairs = ((wanted[name].numpy(), f) for name, f in zip(names, found, strict=True))
     return max(float(np.abs(w - f).max() / max(1.0, np.abs(w).max())) for w, f in pairs)
 
 
@@ -81,7 +86,7 @@ def origin_commit() -> str:
 
 def _write(network: SteeringNetwork, path: Path) -> None:
     inputs = [torch.zeros(2, *network.size, 3, dtype=torch.uint8)]
-    names, outputs = ["image"], ["road_wheel_rad", "sigma_rad"]
+    names, outputs = ["image"], [*OUTPUTS]
     if network.memory is not None:
         inputs.append(torch.zeros(2, network.memory.state_size))
         names, outputs = [*names, "state"], [*outputs, "next_state"]

@@ -99,7 +99,7 @@ class Trainer:
     best: dict[str, Tensor] | None = None
 
     def run(self, *, resume: bool) -> Progress:
-        """Train; the network ends with the weights of the best epoch.
+        """Train; the network ends with the weights of the best epoch, 0 for those of :meth:`keep_first`.
 
         Raises InputError for a loss that is not finite, and for damaged checkpoints or those of another training.
         """
@@ -114,6 +114,11 @@ class Trainer:
             self.network.load_state_dict(self.best)
         self.network.eval()
         return self.progress
+
+    def keep_first(self) -> None:
+        """Let the weights before the first epoch be those of epoch 0, which later ones must improve on."""
+        self.progress.best_mae_rad = mean_error_rad(self.network, self.validation)
+        self.best = copy.deepcopy(self.network.state_dict())
 
     def _stage(self, stage: Stage, saved: dict[str, Any] | None) -> None:
         progress = self.progress
@@ -175,8 +180,7 @@ class Trainer:
         progress, started_s = self.progress, time.monotonic()
         judged = self.network if mean is None else mean.module
         assert isinstance(judged, SteeringNetwork)
-        angles, _ = predict(judged, self.validation)
-        mae_rad = float(np.abs(angles - self.validation.labels_rad).mean())
+        mae_rad = mean_error_rad(judged, self.validation)
         if not math.isfinite(mae_rad):
             raise InputError(
                 f"the network gives no finite angle after epoch {progress.epoch + 1}: lower the learning rate"
@@ -246,6 +250,12 @@ def predict(network: SteeringNetwork, frames: Frames) -> tuple[Floats, Floats]:
         np.concatenate([one.cpu().numpy() for one in column]) for column in zip(*rows, strict=True)
     )
     return angles.astype(np.float32), sigmas.astype(np.float32)
+
+
+def mean_error_rad(network: SteeringNetwork, frames: Frames) -> float:
+    """Mean absolute error of the angles of all frames [rad]."""
+    angles, _ = predict(network, frames)
+    return float(np.abs(angles - frames.labels_rad).mean())
 
 
 def _rows(network: SteeringNetwork, frames: Frames) -> list[Tensor]:

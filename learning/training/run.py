@@ -3,6 +3,7 @@
 import hashlib
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import torch
 
 from learning.dataset.dataset import Dataset
+from learning.judging.baselines import Baselines, no_variance
 from learning.models.catalogue import build, packaged_weights
 from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.models.parts.weights import load_trunk
@@ -27,9 +29,11 @@ from learning.training.labels import training_labels, weights
 from learning.training.loop import Progress, Trainer, predict
 from learning.training.pretrain import pretrain
 from learning.training.recipe import Recipe
+from learning.training.start import check_start, checkpoints_of, load_start, origin_of, work_folder
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.types import Floats
 
 HISTOGRAM_FRAMES = 500
 
@@ -43,14 +47,18 @@ def run(
     resume: bool,
     command: str,
     report: Callable[[str], None],
+    start: Path | None = None,
 ) -> dict[str, Any]:
     """Train the network ``name`` and write ``out`` with its card; the metadata of the file. Raises InputError.
 
     The folder ``out`` + ``.train`` holds the frames until the end, the checkpoints, and the learning curve.
+    ``start``: the network whose weights are the first ones; None: those of the recipe. The metadata have the
+    ``findings`` and the ``conclusion`` of the validation frames (:mod:`learning.judging.baselines`).
     """
-    work = out.with_name(f"{out.name}.train")
-    checkpoints = Checkpoints(work / "checkpoint")
+    work, checkpoints = work_folder(out), checkpoints_of(out)
     check_card(out.with_suffix(".md"))
+    if start is not None:
+        check_start(start)
     if not resume:
         _check_unfinished(checkpoints, report)
     torch.manual_seed(recipe.seed)
@@ -62,7 +70,9 @@ def run(
     )
     train = Frames(train.images, training_labels(data, recipe), train.stretches, train.pieces, train.routes)
     prepare(network, recipe, train, lock_rad=data.wheel.lock_rad)
-    trunk = first_weights(name, network, recipe)
+    for finding in no_variance(train.labels_rad, "train"):
+        report(f"finding: {finding.sentence}")
+    trunk = first_weights(name, network, recipe, validation, start, report)
     report(f"{name}: {network.parameters_count} weights, those of the trunk at first {trunk}")
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     trainer = Trainer(
@@ -71,16 +81,19 @@ def run(
         batches=batches_of(recipe, network, train, report),
         validation=validation,
         checkpoints=checkpoints,
-        identity=_identity(name, recipe, data.sha256),
+        identity=_identity(name, recipe, data.sha256, start),
         report=report,
         on_epoch=lambda progress: write_curve(progress, work),
     )
-    if recipe.pretrain_epochs and not (resume and checkpoints.exist()):
+    if start is not None:
+        trainer.keep_first()
+    elif recipe.pretrain_epochs and not (resume and checkpoints.exist()):
         early = Checkpoints(work / "auto-encoder")
         pretrain(network, recipe, train, early, trainer.identity, report, resume=resume)
     progress = trainer.run(resume=resume)
     set_sigma(network, validation)
     metadata = dict(_metadata(data, name, network, recipe, train, validation), trunk=trunk)
+    metadata |= _learning(data, train, predict(network, validation)[0])
     difference = export(network, out, train=train, validation=validation, metadata=metadata)
     write_card(
         out.with_suffix(".md"),
@@ -121,8 +134,20 @@ def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad
         network.view.match(np.bincount(grey, minlength=256))
 
 
-def first_weights(name: str, network: SteeringNetwork, recipe: Recipe) -> str:
-    """Load the weights of the trunk from the file of the recipe, or of their package; their origin."""
+def first_weights(
+    name: str,
+    network: SteeringNetwork,
+    recipe: Recipe,
+    validation: Frames,
+    start: Path | None,
+    report: Callable[[str], None],
+) -> str:
+    """Load all weights from the training of ``start``, or those of the trunk from the file of the recipe or of
+    their package; their origin.
+    """
+    if start is not None:
+        load_start(network, start, validation, report)
+        return origin_of(start)
     path = recipe.weights or packaged_weights(name)
     if path is None:
         return "random"
@@ -181,10 +206,18 @@ def _check_unfinished(checkpoints: Checkpoints, report: Callable[[str], None]) -
             )
 
 
-def _identity(name: str, recipe: Recipe, data_sha256: str) -> str:
+def _learning(data: Dataset, train: Frames, validation_rad: Floats) -> dict[str, Any]:
+    """Findings of the training and the validation frames, and the conclusion."""
+    learning = Baselines(data, "validation").learning(validation_rad.astype(float))
+    found = [*no_variance(train.labels_rad, "train"), *learning.findings]
+    return {"findings": [asdict(one) for one in found], "conclusion": learning.conclusion}
+
+
+def _identity(name: str, recipe: Recipe, data_sha256: str, start: Path | None) -> str:
     """Hash of all that decides about the weights: camera and wheelbase do by the changes of the frames."""
     car = (load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle))
     parts = [name, recipe.model_dump_json(), data_sha256, *(part.model_dump_json() for part in car)]
+    parts += [origin_of(start)] if start is not None else []
     return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
 

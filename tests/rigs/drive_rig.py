@@ -42,10 +42,18 @@ def write_pictures(folder: Path, names: list[str], steering: Column) -> None:
 
 
 def write_tub(
-    folder: Path, frames: int = 400, *, deleted: tuple[int, ...] = (), pause_after: int = -1
+    folder: Path,
+    frames: int = 400,
+    *,
+    deleted: tuple[int, ...] = (),
+    pause_after: int = -1,
+    gain: float = 1.0,
 ) -> Path:
-    """A donkeycar tub of version 2 at 20 Hz, with a pause of 5 s after frame ``pause_after``."""
-    steering = steering_of(frames)
+    """A donkeycar tub of version 2 at 20 Hz, with a pause of 5 s after frame ``pause_after``.
+
+    ``gain``: of its steering; 0 is straight ahead.
+    """
+    steering = gain * steering_of(frames)
     names = [f"{n}_cam_image_array_.jpg" for n in range(frames)]
     write_pictures(folder / "images", names, steering)
     records: list[dict[str, Any]] = []

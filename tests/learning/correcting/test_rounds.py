@@ -19,6 +19,7 @@ from learning.correcting.corrections import Drift
 from learning.correcting.rounds import Plan, correct
 from learning.dataset.dataset import Dataset
 from learning.training.recipe import load_recipe
+from learning.training.start import checkpoints_of
 from sim_harness.lockstep.closed_loop import run as drive
 from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
@@ -39,6 +40,7 @@ class Workshop:
     def __init__(self, recorded: Path, kill_at: int | None = None) -> None:
         self.recorded, self.kill_at = recorded, kill_at
         self.steps: list[str] = []
+        self.starts: list[Path | None] = []
 
     def step(self, name: str) -> None:
         """Note a step, unless it is the one to be killed."""
@@ -66,6 +68,7 @@ class Workshop:
     def train(self, data: Dataset, model: str, out: Path, recipe: Any, **options: Any) -> Row:
         """A network whose gain is the number of its training frames."""
         assert options["resume"]
+        self.starts.append(options["start"])
         self.step(f"train {out.parent.name}")
         write_network(out, gain_rad=float(len(data.rows("train"))))
         out.with_suffix(".md").write_text("# card\n")
@@ -120,6 +123,20 @@ def test_every_round_trains_on_all_corrections_so_far_and_the_best_network_is_ke
     assert added[0] == 0 < added[1] and added[2] == 2 * added[1]
     assert plan.out.read_bytes() == plan.network(2).read_bytes()
     assert "round 2 of 2" in plan.out.with_suffix(".md").read_text()
+
+
+def test_every_round_begins_with_the_network_of_the_round_before(corrected: Make, recorded: Path) -> None:
+    workshop = Workshop(recorded)
+    _, plan = corrected(workshop)
+    assert workshop.starts == [None, plan.network(0), plan.network(1)]
+
+
+def test_a_network_that_is_there_is_not_overwritten(corrected: Make, recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / "ahead.onnx").write_bytes(b"mine")
+    workshop = Workshop(recorded)
+    with pytest.raises(InputError, match=r"--start .*ahead\.onnx begins with it"):
+        corrected(workshop)
+    assert not workshop.steps and (tmp_path / "ahead.onnx").read_bytes() == b"mine"
 
 
 @pytest.mark.parametrize("kill_at", range(len(STEPS)))
@@ -194,8 +211,10 @@ def test_a_scenario_that_cannot_be_driven_alone_is_refused_before_any_training(
 
 
 def test_nothing_is_trained_where_the_given_network_drifts_nowhere(corrected: Make, recorded: Path) -> None:
+    start = recorded.parent / "ahead.onnx"
+    checkpoints_of(start).save({})
     workshop = Workshop(recorded)
-    rows, plan = corrected(workshop, start=recorded.parent / "ahead.onnx", drift=Drift(9.0, 1.5))
+    rows, plan = corrected(workshop, start=start, drift=Drift(9.0, 1.5))
     assert workshop.steps == ["drive round-0"] and len(rows) == 1
     assert plan.out.read_bytes() == (recorded.parent / "ahead.onnx").read_bytes()
 

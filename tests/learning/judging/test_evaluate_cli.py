@@ -91,7 +91,33 @@ def test_many_models_make_one_table_with_the_baselines_below(data, turn, capsys)
     other = write_network(turn.parent / "other.onnx", memory=True)
     assert run("evaluate", str(turn), str(other), "--data", str(data.folder)) == 0
     names = [line.split()[0] for line in capsys.readouterr().out.splitlines() if line.strip()]
-    assert names == ["model", "turn", "other", "always_straight", "mean", "previous_200ms"]
+    assert names[:6] == ["model", "turn", "other", "always_straight", "mean", "previous_200ms"]
+    assert {*names[6:]} == {"turn:", "other:"}, "a conclusion, and perhaps findings, of each model"
+
+
+def test_a_network_that_leans_with_the_line_is_said_to_beat_a_constant_angle(data, turn, capsys):
+    run("evaluate", str(turn), "--data", str(data.folder), "--json")
+    (row,) = rows_of(capsys)
+    assert row["mae_deg"] < row["baselines"]["always_straight"]["mae_deg"]
+    assert "no_better_than_constant" not in {one["finding"] for one in row["findings"]}
+    assert row["conclusion"].startswith("The images count")
+
+
+def test_a_network_that_always_steers_straight_has_learned_nothing(data, turn, capsys):
+    dull = write_network(turn.parent / "dull.onnx", gain_rad=0.0)
+    assert run("evaluate", str(dull), "--data", str(data.folder)) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1].startswith("dull: Nothing was learned")
+    assert any(line.startswith("dull: finding: straight ahead at all times") for line in lines)
+
+
+def test_a_straight_drive_is_said_to_show_nothing_about_learning(turn, tmp_path, capsys):
+    flat = made_dataset(tmp_path / "d", write_tub(tmp_path / "tub", gain=0.001), options=("--lock-deg", "25"))
+    capsys.readouterr()
+    run("evaluate", str(turn), "--data", str(flat.folder), "--json")
+    (row,) = rows_of(capsys)
+    assert "no_variance" in {one["finding"] for one in row["findings"]}
+    assert "cannot show whether anything was learned" in row["conclusion"]
 
 
 def test_a_lane_estimator_is_scored_on_the_frames_that_it_answers(data, capsys):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from learning.judging.evaluate import previous
+from learning.judging.baselines import previous
 from learning.judging.scores import (
     bin_edges_deg,
     by_size,
