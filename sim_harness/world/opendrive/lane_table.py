@@ -71,7 +71,7 @@ class LaneSection:
         self.element = element
         self.start_m = element.number("s")
         self.lanes: dict[int, Element] = {}
-        self._widths: dict[int, list[CubicRecord]] = {}
+        self._cubics: dict[int, tuple[list[CubicRecord], bool]] = {}
         self.origins_m: dict[int, float] = {}  # of the sOffsets of a lane: the start of its own section
         own = {
             group: [(lane.integer("id"), lane) for lane in element.all(f"{group}/lane")]
@@ -99,18 +99,20 @@ class LaneSection:
         found = self.lanes[lane_id].first(f"link/{which}")
         return found.integer("id") if found else None
 
-    def widths(self, lane_id: int) -> list[CubicRecord]:
-        """The width of a lane. Raises InputError when it is not given as <width>."""
-        if lane_id not in self._widths:
-            self._widths[lane_id] = self._read_widths(lane_id)
-        return self._widths[lane_id]
+    def has_borders(self) -> bool:
+        """Whether a lane is given by its outer border, not by its width."""
+        return any(lane.all("border") and not lane.all("width") for lane in self.lanes.values())
 
-    def _read_widths(self, lane_id: int) -> list[CubicRecord]:
-        lane, origin_m = self.lanes[lane_id], self.origins_m[lane_id]
-        found = records(lane.all("width"), "sOffset", origin_m)
-        if not found or found[0].start_m > origin_m + ROUNDING_M:
-            raise lane.error("expected a <width> from its start on (lane borders are not read)")
-        return found
+    def _widths_or_borders(self, lane_id: int) -> tuple[list[CubicRecord], bool]:
+        """The records of a lane, and whether they are of its border; of both, the widths count (chapter 9.5.2)."""
+        if lane_id not in self._cubics:
+            lane, origin_m = self.lanes[lane_id], self.origins_m[lane_id]
+            widths, borders = lane.all("width"), lane.all("border")
+            found = records(widths or borders, "sOffset", origin_m)
+            if not found or found[0].start_m > origin_m + ROUNDING_M:
+                raise lane.error("expected a <width> or a <border> from its start on")
+            self._cubics[lane_id] = found, not widths
+        return self._cubics[lane_id]
 
     def width_at(self, lane_id: int, s: float, near: float) -> float:
         """Width [m] at ``s`` by the record that holds at ``near``; 0 where it is negative."""
@@ -124,8 +126,12 @@ class LaneSection:
             raise lane.error(f"its width is {width_m:.4g} m at s = {s:g} m: expected at least 0")
 
     def _polynomial_at(self, lane_id: int, s: float, near: float) -> float:
-        records_here = self.widths(lane_id)  # the first of them holds from the start of the section on
-        return (active(records_here, near) or records_here[0]).at(s)
+        found, is_border = self._widths_or_borders(lane_id)
+        value_m = (active(found, near) or found[0]).at(s)  # the first holds from the start of the section on
+        if not is_border:
+            return value_m
+        sign = _sign(lane_id)
+        return sign * value_m - sum(self.width_at(n, s, near) for n in range(sign, lane_id, sign))
 
     def centre_at(self, lane_id: int, s: float, near: float) -> float:
         """Offset [m] of the centre of a lane from lane 0, + = left."""
@@ -153,7 +159,7 @@ class LaneSection:
     def breaks_m(self) -> Iterator[float]:
         """Stations at which a width or a marking changes."""
         for lane_id, lane in self.lanes.items():
-            for element in (*lane.all("width"), *lane.all("roadMark")):
+            for element in (*lane.all("width"), *lane.all("border"), *lane.all("roadMark")):
                 yield self.origins_m[lane_id] + element.number("sOffset")
 
 

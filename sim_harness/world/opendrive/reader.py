@@ -157,11 +157,17 @@ class _LaneReader:
         self._pieces = plan_view(road)
         self._length_m = self._pieces[-1].start_m + self._pieces[-1].length_m
         self._offsets = records(road.all("lanes/laneOffset"), "s")
+        shifted = [record for record in self._offsets if any(record.coefficients)]
         rule = road.attributes.get("rule", "RHT")
         if rule not in ("RHT", "LHT"):
             raise road.error(f"rule={rule!r}: expected RHT or LHT")
         forward_sign = -1 if rule == "RHT" else 1
         self._lane = KeptLane(road, self._length_m, lane=lane, forward_sign=forward_sign)
+        if shifted and any(section.has_borders() for section in self._lane.sections):
+            what = (
+                "a lane offset other than 0 in a road with lane borders has no defined meaning: give widths"
+            )
+            raise shifted[0].element.error(what)
         self._backward = self._lane.ids[0] * forward_sign < 0
 
     def imported(self) -> Imported:

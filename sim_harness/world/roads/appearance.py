@@ -44,8 +44,8 @@ class Verge(StrEnum):
     WATER = "water"  # below a bridge
 
 
-Width = Annotated[float, Field(ge=0, le=8)]
-LaneWidth = Annotated[float, Field(ge=0.3, le=6.0)]  # below PUBLIC_LANE_M: the road of a model car
+Width = Annotated[float, Field(ge=0, le=20)]
+LaneWidth = Annotated[float, Field(ge=0.3, le=15.0)]  # below PUBLIC_LANE_M: the road of a model car
 Stretch = tuple[NonNegative, NonNegative]  # from, to [m]: stations along the road
 
 

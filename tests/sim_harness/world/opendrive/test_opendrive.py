@@ -282,10 +282,10 @@ BAD_GEOMETRY = {
 }
 BAD_LANE = {
     "expected a <width>": "<link/>",
-    "borders are not read": '<border sOffset="0" a="3.5" b="0" c="0" d="0"/>',
+    "at most 0 m wide": '<border sOffset="0" a="3.5" b="0" c="0" d="0"/>',
     "type='wavy'": '<width sOffset="0" a="3.5" b="0" c="0" d="0"/><roadMark sOffset="0" type="wavy"/>',
     "leaves the reference line": '<width sOffset="0" a="3.5" b="3" c="0" d="0"/>',
-    "lane_width_m": '<width sOffset="0" a="9" b="0" c="0" d="0"/>',
+    "lane_width_m": '<width sOffset="0" a="19" b="0" c="0" d="0"/>',
     "c='1e999'": '<width sOffset="0" a="3" b="0" c="1e999" d="0"/>',
 }
 

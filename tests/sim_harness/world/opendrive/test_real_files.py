@@ -291,3 +291,70 @@ def test_a_polynomial_whose_parameter_is_not_its_length_carries_a_lane_that_wide
     offset = -(3 + p) / 2
     centre = np.column_stack([x - offset * np.sin(heading), y + offset * np.cos(heading)])
     assert away_m(Road(read_opendrive(written(tmp_path, text)).settings), centre) < 5e-3
+
+
+def cubic(tag: str, *records: tuple[float, float, float, float, float]) -> str:
+    return "".join(
+        f'<{tag} sOffset="{s!r}" a="{a!r}" b="{b!r}" c="{c!r}" d="{d!r}"/>' for s, a, b, c, d in records
+    )
+
+
+FLARE = (0.0, -3.5, 0.0, -0.02625, 8.75e-4), (20.0, -7.0, 0.0, 0.0, 0.0)
+
+
+def test_borders_give_the_same_road_as_the_widths_between_them(tmp_path):
+    borders = [cubic("border", (0.0, sign * 3.5, sign * 0.002, 0.0, 0.0)) for sign in (1, -1)]
+    outer = cubic(
+        "border", *((s, a, b - 0.002, c, d) for s, a, b, c, d in FLARE[:1]), (20.0, -7.04, -0.002, 0.0, 0.0)
+    )
+    widths = cubic("width", (0.0, 3.5, 0.002, 0.0, 0.0))
+    grown = cubic("width", (0.0, 0.0, 0.0, 0.02625, -8.75e-4), (20.0, 3.5, 0.0, 0.0, 0.0))
+    geometry = shapes((100.0, '<arc curvature="0.01"/>'))
+    found = []
+    for left, inner, far in ((borders[0], borders[1], outer), (widths, widths, grown)):
+        right = lane(-1, width=inner) + lane(-2, width=far)
+        found.append(written(tmp_path, road("1", geometry, section(0.0, lane(1, width=left), right))))
+        found[-1] = read_opendrive(found[-1]).settings
+    by_borders, by_widths = Road(found[0]), Road(found[1])
+    assert by_borders.length_m == pytest.approx(by_widths.length_m, abs=1e-6)
+    for s in np.linspace(0.5, by_widths.length_m - 0.5, 40):
+        assert by_borders.width_at(s) == pytest.approx(by_widths.width_at(s), abs=1e-6)
+    ends = [
+        [(*one.lane_width_m, *one.right_lanes[0].width_m) for one in each.sections[1:6]] for each in found
+    ]
+    assert np.allclose(*ends, atol=1e-6)
+
+
+def test_a_border_without_lanes_inside_is_the_width(tmp_path):
+    right = lane(-1, width=cubic("border", (0.0, -3.25, 0.0, 0.0, 0.0)))
+    path = written(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=right)))
+    assert read_opendrive(path).settings.lane_width_m == 3.25
+
+
+def test_of_a_lane_with_widths_and_borders_the_widths_count(tmp_path):
+    both = WIDTH + cubic("border", (0.0, -9.0, 0.0, 0.0, 0.0))
+    path = written(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=lane(-1, width=both))))
+    assert read_opendrive(path).settings.lane_width_m == 3.5
+
+
+def test_borders_in_a_road_with_a_lane_offset_are_refused(tmp_path):
+    right = lane(-1, width=cubic("border", (0.0, -3.25, 0.0, 0.0, 0.0)))
+    for a, refused in ((0.0, False), (1.25, True)):
+        offset = f'<laneOffset s="0" a="{a}" b="0" c="0" d="0"/>'
+        path = written(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=right), offset))
+        if refused:
+            with pytest.raises(
+                InputError, match="<laneOffset> of road 1, s = 0 m: a lane offset other than 0"
+            ):
+                read_opendrive(path)
+        else:
+            assert read_opendrive(path).settings.lane_width_m == 3.25
+
+
+@pytest.mark.parametrize("width_m", [6.5, 9.0, 14.0])
+def test_a_lane_wider_than_those_of_cars_is_imported_and_driven_in_its_middle(tmp_path, width_m):
+    right = lane(-1, width=cubic("width", (0.0, width_m, 0.0, 0.0, 0.0)))
+    path = written(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=right)))
+    found = Road(read_opendrive(path).settings)
+    assert found.width_at(40.0) == width_m
+    assert found.length_m == 80.0
