@@ -18,6 +18,15 @@ _BEGINNING = 4096  # bytes that tell UTF-16 without a mark
 _ASCII_SHARE = 0.8  # of its characters there
 
 
+_NO_TEXT = (
+    (b"version https://git-lfs", "is a Git LFS pointer, not the file: `git lfs pull` gets it"),
+    (b"PK\x03\x04", "is a ZIP archive, such as a workbook (.xlsx): save or unpack it as text"),
+    (b"\x1f\x8b", "is packed by gzip: unpack it"),
+    (b"%PDF", "is a PDF document: save it as text"),
+)
+"""How files begin that stand where a text should, and what to say of them."""
+
+
 class UndecodableText(ValueError):
     """Bytes that are no text: ``line`` and ``column``, from 1, of the first wrong one, and ``problem``."""
 
@@ -34,6 +43,7 @@ def decoded(data: bytes, *, windows: bool = False, broken_bytes: bool = False) -
     """
     if data and not data.strip(b"\0"):
         raise UndecodableText(1, 1, "holds only zero bytes, as after a loss of power")
+    refuse_packed(data)
     mark, encoding = mark_and_encoding(data)
     body = data[len(mark) :]
     errors = "surrogateescape" if broken_bytes and encoding == "utf-8" else "strict"
@@ -43,6 +53,13 @@ def decoded(data: bytes, *, windows: bool = False, broken_bytes: bool = False) -
         if windows and not mark and encoding == "utf-8":
             return body.decode("cp1252", errors="replace")  # a few bytes have no meaning there
         raise _undecodable(body, error, encoding) from error
+
+
+def refuse_packed(data: bytes) -> None:
+    """Raise UndecodableText where ``data`` begins like an archive, a document, or a pointer of Git LFS."""
+    for start, what in _NO_TEXT:
+        if data.startswith(start):
+            raise UndecodableText(1, 1, what)
 
 
 def mark_and_encoding(data: bytes) -> tuple[bytes, str]:

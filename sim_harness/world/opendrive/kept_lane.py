@@ -9,6 +9,7 @@ from sim_harness.world.opendrive.lane_table import DRIVEN, ROUNDING_M, LaneSecti
 from sim_harness.world.opendrive.located_xml import Element
 from sim_harness.world.opendrive.plan_view import SLIVER_M
 from trepid.scale import PUBLIC_LANE_M
+from trepid.types import Column
 
 NARROWEST_LANE_M = 0.3  # of a model road
 EXTENT_STEP_M = 0.5
@@ -19,13 +20,13 @@ class KeptLane:
     """A driving lane through the lane sections of a road."""
 
     def __init__(self, road: Element, length_m: float, *, lane: int | None, forward_sign: int) -> None:
-        """``lane``: its id in the first section; None: the innermost one of the side ``forward_sign``.
+        """``lane``: its id in the first section; None: the innermost one of the side ``forward_sign`` with a width.
 
         Raises InputError.
         """
         self._length_m = length_m
         self._all = _lane_sections(road, length_m)
-        self.ids = _followed(self._all, _chosen(self._all[0], lane, forward_sign))
+        self.ids = self._first_wide(_candidates(self._all[0], lane, forward_sign))
         self.sections = self._all[: len(self.ids)]
         self.threads = threads(self._all)  # of each section: lane -> number of the lane through all sections
         self.begin_m, self.end_m = self._extent()
@@ -37,7 +38,7 @@ class KeptLane:
 
     def index_at(self, s: float) -> int:
         """The number of the lane section at ``s``, at most the last with the lane."""
-        return next((i for i in reversed(range(len(self.ids))) if self.sections[i].start_m <= s), 0)
+        return self._index_of(self.ids, s)
 
     def is_whole(self) -> bool:
         """Whether the lane begins and ends with the road."""
@@ -59,12 +60,31 @@ class KeptLane:
         count = len(self.ids)
         return self._length_m if count == len(self._all) else self._all[count].start_m
 
+    def _first_wide(self, candidates: list[int]) -> list[int]:
+        """The ids along the sections of the first candidate that is anywhere a lane wide, else of the first."""
+        first = _followed(self._all, candidates[0])
+        for other in candidates[1:]:
+            if self._widths_m(first)[1].max() >= NARROWEST_LANE_M:
+                break
+            ids = _followed(self._all, other)
+            if self._widths_m(ids)[1].max() >= NARROWEST_LANE_M:
+                return ids
+        return first
+
+    def _widths_m(self, ids: list[int]) -> tuple[Column, Column]:
+        """Stations to the end of the lane ``ids``, and its widths there."""
+        last_m = self._length_m if len(ids) == len(self._all) else self._all[len(ids)].start_m
+        places = np.linspace(0.0, last_m, 1 + max(LEAST_PLACES, math.ceil(last_m / EXTENT_STEP_M)))
+        indices = [self._index_of(ids, s) for s in places.tolist()]
+        widths = [self._all[i].width_at(ids[i], s, s) for i, s in zip(indices, places.tolist(), strict=True)]
+        return places, np.array(widths)
+
+    def _index_of(self, ids: list[int], s: float) -> int:
+        return next((i for i in reversed(range(len(ids))) if self._all[i].start_m <= s), 0)
+
     def _extent(self) -> tuple[float, float]:
         """First and last station of the longest part in which the lane is as wide as a lane. Raises InputError."""
-        places = np.linspace(
-            0.0, self._last_m, 1 + max(LEAST_PLACES, math.ceil(self._last_m / EXTENT_STEP_M))
-        )
-        widths_m = np.array([self._width_m(s) for s in places.tolist()])
+        places, widths_m = self._widths_m(self.ids)
         least_m = PUBLIC_LANE_M if widths_m.max() >= PUBLIC_LANE_M else NARROWEST_LANE_M
         wide = np.flatnonzero(widths_m >= least_m)
         runs = np.split(wide, 1 + np.flatnonzero(np.diff(wide) > 1))
@@ -73,10 +93,6 @@ class KeptLane:
             what = f"at most {widths_m.max():.3g} m wide: expected a lane of at least {NARROWEST_LANE_M:g} m"
             raise self.sections[0].lanes[self.ids[0]].error(what)
         return float(places[longest[0]]), float(places[longest[-1]])
-
-    def _width_m(self, s: float) -> float:
-        index = self.index_at(s)
-        return self.sections[index].width_at(self.ids[index], s, s)
 
 
 def _lane_sections(road: Element, length_m: float) -> list[LaneSection]:
@@ -93,17 +109,17 @@ def _lane_sections(road: Element, length_m: float) -> list[LaneSection]:
     return [section for section in found if section is found[0] or section.start_m < length_m - SLIVER_M]
 
 
-def _chosen(section: LaneSection, lane: int | None, forward_sign: int) -> int:
-    """The id of the lane ``lane`` in the first lane section. Raises InputError."""
+def _candidates(section: LaneSection, lane: int | None, forward_sign: int) -> list[int]:
+    """The id of the lane ``lane`` in the first lane section, or all to choose from. Raises InputError."""
     driving = sorted((n for n in section.lanes if n and section.kind(n) in DRIVEN), key=abs)
     if not driving:
         raise section.element.error("expected a lane of type driving")
     if lane is None:
         ahead = [n for n in driving if n * forward_sign > 0]
-        return (ahead or driving)[0]
+        return ahead or driving
     if lane not in driving:
         raise section.element.error(f"no driving lane {lane}; there are {', '.join(map(str, driving))}")
-    return lane
+    return [lane]
 
 
 def _followed(sections: list[LaneSection], lane: int) -> list[int]:

@@ -84,6 +84,8 @@ class LaneSection:
                 if _sign(lane_id) in self.kept_sides:
                     self.lanes[lane_id], self.origins_m[lane_id] = lane, before.origins_m[lane_id]
         for lane_id, lane in (pair for pairs in own.values() for pair in pairs):
+            if self.lanes.get(lane_id, lane) is not lane and self.origins_m[lane_id] == self.start_m:
+                raise lane.error(f"id={lane_id}: this section has such a lane already")
             self.lanes[lane_id], self.origins_m[lane_id] = lane, self.start_m
         for lane_id, lane in self.lanes.items():
             inner = lane_id - _sign(lane_id)

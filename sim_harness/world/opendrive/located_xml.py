@@ -14,7 +14,7 @@ from typing import Any
 from lxml import etree
 
 from trepid.config import InputError
-from trepid.files.decoding import UndecodableText, decoded, mark_and_encoding
+from trepid.files.decoding import UndecodableText, decoded, mark_and_encoding, refuse_packed
 
 MAX_COORDINATE = 1e9  # beyond any coordinate on Earth [m]
 _START_TAG = re.compile(
@@ -123,6 +123,7 @@ def read_xml(path: Path) -> Element:
     told = bool(mark) or encoding != "utf-8" or b"\0" in data  # then the declared encoding does not count
     parser = etree.XMLParser(resolve_entities=False, no_network=True, encoding="utf-8" if told else None)
     try:
+        refuse_packed(data)
         data = decoded(data).encode() if told else data
         root = etree.fromstring(data, parser)
         text = data.decode("utf-8" if told else root.getroottree().docinfo.encoding or "utf-8")

@@ -36,6 +36,8 @@ MIN_STRETCH_M = 1.0
 CHECK_STEP_M = 5.0
 MAX_SLANT_RAD = 0.5
 SAME_RATE_1PM2 = 1e-12
+STATED_WITHIN_M = 0.1
+JUMP_M = 0.01  # of a lane's middle, that no road follows
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,8 @@ def read_opendrive(path: Path, *, road: str | None = None, lane: int | None = No
         raise root.error("expected at least one <road>")
     if road is not None and road not in ids:
         raise root.error(f"no road has the id {road!r}; there are {', '.join(ids[:20])}")
+    if road is not None and ids.count(road) > 1:
+        raise roads[ids.index(road)].error(f"{ids.count(road)} roads have the id {road!r}")
     chosen = next(filter(_is_driven, roads), roads[0]) if road is None else roads[ids.index(road)]
     return _LaneReader(chosen, lane).imported()
 
@@ -192,6 +196,13 @@ class _LaneReader:
 
     def _unfitted(self, span: FittedCurve, spans: list[FittedCurve], what: str) -> InputError:
         """The refusal of a curve that no road follows, with its reason."""
+        for here, there in pairwise(spans):
+            before, after = here.at(here.end), there.at(there.start)
+            jump_m = math.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
+            if span in (here, there) and jump_m > JUMP_M:
+                section = self._lane.sections[self._lane.index_at(there.start)]
+                lane = section.lanes[self._lane.ids[self._lane.index_at(there.start)]]
+                return lane.error(f"the middle of this lane jumps by {jump_m:.3g} m at s = {there.start:g} m")
         bends = ((abs(each.at(s).curvature_1pm), s, each) for each in spans for s in _places(each))
         sharpest_1pm, station_m, bent = max(bends, key=lambda bend: bend[0])
         if sharpest_1pm > MAX_CURVATURE_1PM:
@@ -319,6 +330,9 @@ class _LaneReader:
 
     def _notes(self) -> tuple[str, ...]:
         notes = self._lane.notes()
+        stated_m = self._road.number("length", self._length_m)
+        if abs(stated_m - self._length_m) > STATED_WITHIN_M:
+            notes.append(f"length={stated_m:g}: its geometries are {self._length_m:g} m long")
         for profile, kind, what in (
             ("elevation", "elevation", "elevation"),
             ("lateral", "superelevation", "bank"),

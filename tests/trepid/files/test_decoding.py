@@ -1,6 +1,7 @@
 """Bytes of text files to text: marks, encodings without marks, and what is refused by its name."""
 
 import codecs
+import gzip
 
 import pytest
 from hypothesis import given
@@ -54,3 +55,20 @@ def test_broken_bytes_cost_only_their_line() -> None:
 def test_a_file_of_zero_bytes_is_called_so() -> None:
     with pytest.raises(UndecodableText, match="only zero bytes, as after a loss of power"):
         decoded(bytes(512))
+
+
+@pytest.mark.parametrize(
+    ("data", "what"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n", "a Git LFS pointer"),
+        (b"PK\x03\x04\x14\0", "a ZIP archive"),
+        (gzip.compress(b"t_s,image\n"), "packed by gzip: unpack it"),
+        (b"%PDF-1.7\n%\xe2\xe3", "a PDF document"),
+    ],
+)
+@pytest.mark.parametrize("windows", [True, False])
+def test_what_stands_where_a_text_should_is_refused_by_its_name(
+    data: bytes, what: str, windows: bool
+) -> None:
+    with pytest.raises(UndecodableText, match=what):
+        decoded(data, windows=windows)

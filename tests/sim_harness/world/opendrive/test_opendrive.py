@@ -178,7 +178,7 @@ def file(geometry: str, tmp_path: Path, lane: str = "", offset: str = "", link: 
     path = tmp_path / "other.xodr"
     path.write_text(
         f"""<OpenDRIVE><header revMajor="1" revMinor="4"/>
-        <road name="other" id="7" junction="-1" length="1">{link}
+        <road name="other" id="7" junction="-1">{link}
         <planView>{geometry}</planView>
         <lanes>{offset}<laneSection s="0"><center><lane id="0" type="none"/></center>
         <right><lane id="-1" type="driving">{lane or width}</lane></right></laneSection></lanes>

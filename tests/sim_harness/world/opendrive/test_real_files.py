@@ -52,7 +52,7 @@ def shapes(*parts: tuple[float, str], x: float = 0.0, heading: float = 0.0) -> s
 
 
 def road(number: str, geometry: str, sections: str, offsets: str = "") -> str:
-    head = f'<road name="r{number}" id="{number}" junction="-1" length="1">'
+    head = f'<road name="r{number}" id="{number}" junction="-1">'
     return f"{head}<planView>{geometry}</planView><lanes>{offsets}{sections}</lanes></road>"
 
 
@@ -358,3 +358,50 @@ def test_a_lane_wider_than_those_of_cars_is_imported_and_driven_in_its_middle(tm
     found = Road(read_opendrive(path).settings)
     assert found.width_at(40.0) == width_m
     assert found.length_m == 80.0
+
+
+def straight(folder, right, left=""):
+    return written(folder, road("1", shapes((80.0, LINE)), section(0.0, left, right)))
+
+
+def flat(width_m: float) -> str:
+    return cubic("width", (0.0, width_m, 0.0, 0.0, 0.0))
+
+
+def test_without_a_lane_given_one_that_is_nowhere_wide_is_passed_over(tmp_path):
+    path = straight(
+        tmp_path, lane(-1, width=flat(0.0)) + lane(-2, width=flat(3.25)), lane(1, width=flat(3.0))
+    )
+    assert read_opendrive(path).settings.lane_width_m == 3.25
+    with pytest.raises(InputError, match=r"lane -1.*at most 0 m wide"):
+        read_opendrive(path, lane=-1)
+
+
+def test_a_lane_that_is_there_twice_is_refused(tmp_path):
+    with pytest.raises(
+        InputError, match=r"<lane> of road 1, lane -1, s = 0.0 m: id=-1: this section has such a lane"
+    ):
+        read_opendrive(straight(tmp_path, lane(-1) + lane(-1)))
+
+
+def test_a_road_whose_id_another_has_is_refused_when_it_is_asked_for(tmp_path):
+    one = road("1", shapes((80.0, LINE)), ONE)
+    path = written(tmp_path, one, road("1", shapes((50.0, LINE)), ONE), road("2", shapes((30.0, LINE)), ONE))
+    with pytest.raises(InputError, match="<road> of road 1: 2 roads have the id '1'"):
+        read_opendrive(path, road="1")
+    assert Road(read_opendrive(path, road="2").settings).length_m == 30.0
+
+
+def test_a_lane_whose_middle_jumps_is_refused_with_the_jump(tmp_path):
+    step = cubic("width", (0.0, 3.5, 0.0, 0.0, 0.0), (40.0, 3.0, 0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match=r"lane -1.*the middle of this lane jumps by 0\.25 m at s = 40 m"):
+        read_opendrive(straight(tmp_path, lane(-1, width=step)))
+
+
+def test_a_stated_length_that_the_geometries_do_not_have_is_a_note(tmp_path):
+    path = straight(tmp_path, lane(-1))
+    whole = path.read_text()
+    path.write_text(whole.replace("<road ", '<road length="120" '))
+    assert "length=120: its geometries are 80 m long" in read_opendrive(path).notes
+    path.write_text(whole.replace("<road ", '<road length="80.0000004" '))
+    assert not [note for note in read_opendrive(path).notes if "length" in note]
