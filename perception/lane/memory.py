@@ -30,6 +30,7 @@ class LaneMemory:
         self._t_s = 0.0  # time of `lane`
         self._straight = False  # whether the road was straight at the last detection
         self._unmarked_m = 0.0  # driven since the last detection of lines
+        self._unseen_m = 0.0  # ... and of anything
 
     def predict(self, t_s: float, motion: VehicleMotion) -> None:
         """Move the lane and its rival to ``t_s``; forget both when time runs backwards or without detections.
@@ -44,7 +45,8 @@ class LaneMemory:
         if dt_s < 0 or t_s - self.seen_t_s > max(share * track.max_coast_s, MIN_UNSEEN_S):
             self.lane, self.rival, self.looks, self.neighbour = None, None, 0, 0
             return
-        self._unmarked_m += travelled_m(motion, dt_s, track)
+        way_m = travelled_m(motion, dt_s, track)
+        self._unmarked_m, self._unseen_m = self._unmarked_m + way_m, self._unseen_m + way_m
         self.lane = predict(self.lane, dt_s, motion, track=track, prior=self._settings.prior)
         if self.rival is not None:
             self.rival = predict(self.rival, dt_s, motion, track=track, prior=self._settings.prior)
@@ -57,7 +59,7 @@ class LaneMemory:
         evidence would otherwise count in every frame.
         """
         fit, settings = found.fit, self._settings
-        self.looks = min(self.looks + 1, settings.evidence.sure_looks)
+        self.looks, self._unseen_m = min(self.looks + 1, settings.evidence.sure_looks), 0.0
         if not fit.by_edges:
             self._unmarked_m = 0.0
         self.source = EDGES if fit.by_edges and not self.lines_define_place else LINES
@@ -78,8 +80,15 @@ class LaneMemory:
 
     @property
     def fade(self) -> float:
-        """Factor of the confidence by the time since the last detection: exp(−t/``coast_decay_s``)."""
-        return math.exp(-(self._t_s - self.seen_t_s) / self._settings.track.coast_decay_s)
+        """Factor of the confidence since the last detection: exp(−min(t/``coast_decay_s``, way/``coast_decay_m``)).
+
+        A road changes with the way, and its prediction errs with the way and the time: between two dashes a slow
+        car remembers as much as a fast one.
+        """
+        track = self._settings.track
+        return math.exp(
+            -min((self._t_s - self.seen_t_s) / track.coast_decay_s, self._unseen_m / track.coast_decay_m)
+        )
 
     @property
     def faded_probability(self) -> float:

@@ -33,6 +33,7 @@ class TrackSettings(Settings):
     curvature_rate_memory_m: Positive
     max_coast_s: Positive
     coast_decay_s: Positive
+    coast_decay_m: Positive
     gate_offset_m: Positive
     gate_heading_rad: Positive
     edge_gate_offset_m: Positive

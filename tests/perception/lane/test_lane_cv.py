@@ -177,6 +177,27 @@ def test_lines_after_an_unmarked_section_are_found_at_the_next_look_for_them(fra
     assert not any(marked[:frames]) and marked[-1]
 
 
+@pytest.mark.parametrize("speed_mps", [1.0, 8.0, 25.0])
+def test_the_confidence_of_a_remembered_lane_falls_with_time_or_way_the_later(speed_mps):
+    finder, track = LaneCv(SETTINGS, CAMERA, VEHICLE), SETTINGS.track
+
+    def seen(number, image):
+        state = VehicleState(
+            t_s=0.04 * number,
+            speed_mps=speed_mps,
+            road_wheel_angle_rad=0.0,
+            yaw_rate_radps=0.0,
+            driver_override=False,
+        )
+        return finder.step(Frame(t_s=state.t_s, image=image), state, now_s=state.t_s).confidence
+
+    seen(0, road((0.1, 0.0, 0.0, 0.0)))
+    dark = np.zeros((240, 320, 3), np.uint8)
+    first, *_, last = (seen(number, dark) for number in range(1, 12))
+    lost = 0.4 * min(1.0 / track.coast_decay_s, speed_mps / track.coast_decay_m)
+    assert last / first == pytest.approx(np.exp(-lost), rel=0.03)
+
+
 @pytest.mark.parametrize(("offset_m", "remembered_s"), [(0.2, SETTINGS.track.max_coast_s), (2.4, 0.25)])
 def test_a_lane_of_low_probability_is_dropped_sooner(offset_m, remembered_s):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
