@@ -20,7 +20,7 @@ import math
 from typing import NamedTuple
 
 from supervisor.inputs.validation import ValidatedEstimate, surest_of_marking
-from trepid.bounds import at_least
+from trepid.bounds import at_least, at_most
 from trepid.clothoid import STANDING, Lane, Motion
 
 MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
@@ -33,6 +33,7 @@ KNOWN_SHARE = 0.2  # ... and its weight before the first jump
 AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle
 LONGEST_S = 0.3  # longest time between two compared estimates; as fresh_s, the age of a usable estimate
 EDGES_M = 20.0  # patches of snow are some metres long; a comfort stop from 8 m/s takes 16 m
+LONG_UNMARKED_M = 30.0  # longer than any gap between dashes, which is 12 m on motorways
 
 
 class RunningMean(NamedTuple):
@@ -154,22 +155,32 @@ class Consistency:
         return Steadiness(jitter_m, math.sqrt(track.path_jitter.square_m2.mean))
 
 
-class WeakEdges:
-    """Mean doubt about the edges of a road without lines over the last metres of way."""
+class EdgeWay(NamedTuple):
+    """The edges of a road without lines over the last metres of way."""
+
+    doubt: float  # mean of 1 - confidence of edges, of 0 for lines, the nearer the heavier [0..1]
+    unmarked_m: float  # since lines were measured, at most LONG_UNMARKED_M
+
+
+class Edges:
+    """Edges of a road without lines over the way: how weak they are, and for how long there have been no lines."""
 
     def __init__(self) -> None:
         self._doubt = RunningMean(0.0)
+        self._unmarked_m = LONG_UNMARKED_M  # no lines yet
         self._last_s: float | None = None
 
-    def step(self, seen: list[ValidatedEstimate], motion: Motion | None, *, now_s: float) -> float:
-        """Mean of 1 - confidence of edges, of 0 for lines, over the last EDGES_M, the nearer the heavier [0..1].
+    def step(self, seen: list[ValidatedEstimate], motion: Motion | None, *, now_s: float) -> EdgeWay:
+        """The means over the last EDGES_M and the way since lines.
 
-        Without an estimator that distinguishes edges from lines it stays as it is.
+        Without an estimator that distinguishes edges from lines the doubt stays as it is, and the way grows.
         """
         way_m = 0.0 if self._last_s is None else abs((motion or STANDING).speed_mps) * (now_s - self._last_s)
-        self._last_s = now_s
+        self._last_s, way_m = now_s, at_least(way_m, 0.0)
+        self._unmarked_m = at_most(self._unmarked_m + way_m, LONG_UNMARKED_M)
         estimate = surest_of_marking(seen)
         if estimate is not None:
             doubt = 0.0 if estimate.marked else 1.0 - (estimate.confidence or 0.0)
-            self._doubt = self._doubt.moved(doubt, at_least(way_m, 0.0), length=EDGES_M)
-        return self._doubt.mean
+            self._doubt = self._doubt.moved(doubt, way_m, length=EDGES_M)
+            self._unmarked_m = 0.0 if estimate.marked else self._unmarked_m
+        return EdgeWay(self._doubt.mean, self._unmarked_m)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from operator import attrgetter, itemgetter
 
-from supervisor.inputs.consistency import Steadiness
+from supervisor.inputs.consistency import EdgeWay, Steadiness
 from supervisor.inputs.validation import ValidatedEstimate, surest_of_marking
 from supervisor.path.follow import Lead
 from supervisor.path.fusion import Fused
@@ -81,7 +81,7 @@ def early_features(
     state_age_s: float,
     state_doubt: float | None,
     steadiness: Mapping[str, Steadiness],
-    edge_doubt: float,
+    edges: EdgeWay,
     saturated_s: float,
     turn_excess_mps2: float,
     rated_as: Mapping[str, str],
@@ -112,7 +112,8 @@ def early_features(
     found["lane_width"] = _narrowest_m(estimates)
     found["lane_width_error"] = _lane_width_error(estimates)
     found["unmarked"] = _unmarked(estimates)
-    found["edge_doubt"] = edge_doubt
+    found["unmarked_way"] = edges.unmarked_m
+    found["edge_doubt"] = edges.doubt
     found["lead_confidence"] = lead.confidence
     found["lead_distance"] = _lead_distance(lead)
     found["time_gap"] = _time_gap(lead, speed_mps)

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from supervisor.inputs.consistency import Consistency, WeakEdges
+from supervisor.inputs.consistency import Consistency, Edges
 from supervisor.inputs.road_users import WatchedUsers, judge_road_users
 from supervisor.inputs.timers import Stopwatch
 from supervisor.inputs.turning import TurnExcess
@@ -90,7 +90,7 @@ class WorldStateObserver:
             front_m=vehicle.wheelbase_m + vehicle.front_overhang_m,
             drive_lag_s=vehicle.accel_lag_s,
         )
-        self._consistency, self._weak_edges = Consistency(), WeakEdges()
+        self._consistency, self._edges = Consistency(), Edges()
         self._saturated, self._single = Stopwatch(), Stopwatch()
         self._turn_excess = TurnExcess(vehicle)
         self._last_motion: Motion | None = None
@@ -137,7 +137,7 @@ class WorldStateObserver:
             state_age_s=state_age_s,
             state_doubt=state_doubt(newest, now_s=now_s, settings=limits),
             steadiness=self._consistency.step(seen, moving),
-            edge_doubt=self._weak_edges.step(seen, moving, now_s=now_s),
+            edges=self._edges.step(seen, moving, now_s=now_s),
             saturated_s=self._saturated.step(state is not None and state.saturated is True, now_s=now_s),
             turn_excess_mps2=self._turn_excess.step(newest, motion, now_s=now_s) / self._enlargement,
             rated_as=rated,
