@@ -78,6 +78,7 @@ WHY = {
     "turn_excess": "a gyroscope with an offset, or a skid: the limiter allows less, and the car leaves its path",
     "saturated": "the limiter cuts the steering demand, so the vehicle leaves the path",
     "lead_confidence": "no vehicle to follow when the road is lost",
+    "lead_deceleration": "beyond a hard stop the car cannot avoid a slow or standing vehicle at all",
     "time_gap": "the vehicle ahead may brake harder than the reaction time allows",
     "lead_distance": "traffic hides the road beyond it",
     "person_time": "nothing protects a person, and an animal does not look",

@@ -42,8 +42,8 @@ EARLY_FEATURES = frozenset(
         *("frame_age", "estimator_age", "state_age", "state_doubt", "speed", "saturated", "turn_excess"),
         *IMAGE_FEATURES,
         "relative_contrast",
-        *("lane_width", "lane_width_error", "unmarked", "edge_doubt"),
-        *("lead_confidence", "lead_distance", "time_gap"),
+        *("lane_width", "lane_width_error", "unmarked", "unmarked_way", "edge_doubt"),
+        *("lead_confidence", "lead_distance", "time_gap", "lead_deceleration"),
     }
 )
 """Features that do not depend on the fusion; the rules of trust may use these only."""
@@ -84,6 +84,7 @@ def early_features(
     edges: EdgeWay,
     saturated_s: float,
     turn_excess_mps2: float,
+    enlargement: float,
     rated_as: Mapping[str, str],
     absent: Mapping[str, float | None],
 ) -> Features:
@@ -117,6 +118,7 @@ def early_features(
     found["lead_confidence"] = lead.confidence
     found["lead_distance"] = _lead_distance(lead)
     found["time_gap"] = _time_gap(lead, speed_mps)
+    found["lead_deceleration"] = _lead_deceleration_mps2(lead, speed_mps, enlargement)
     numbers = _LOST_STATISTICS if statistics is None else _STATISTICS(statistics)
     found.update(zip(IMAGE_FEATURES, numbers, strict=True))
     found["relative_contrast"] = _relative_contrast(statistics)
@@ -291,3 +293,19 @@ def _time_gap(lead: Lead, speed_mps: float | None) -> float | None:
     if lead.confidence is None or speed_mps is None:
         return None
     return BEYOND if lead.distance_m is None else lead.distance_m / max(speed_mps, _CRAWL_MPS)
+
+
+def _lead_deceleration_mps2(lead: Lead, speed_mps: float | None, enlargement: float) -> float | None:
+    """The constant deceleration that avoids a vehicle ahead of constant speed [m/s²] of the car's own world.
+
+    DRAC = (v - v_lead)²/(2·gap), 0 where the gap does not close, times the confidence in the vehicle. Source:
+    Archer, Indicators for traffic safety assessment and prediction, 2005, section 3.
+    """
+    if lead.confidence is None or speed_mps is None:
+        return None
+    closing_mps = at_least(speed_mps - lead.speed_mps, 0.0)
+    if lead.distance_m is None or closing_mps == 0.0:
+        return 0.0
+    if lead.distance_m <= 0.0:
+        return BEYOND
+    return lead.confidence * closing_mps**2 / (2.0 * lead.distance_m) / enlargement

@@ -140,6 +140,7 @@ class WorldStateObserver:
             edges=self._edges.step(seen, moving, now_s=now_s),
             saturated_s=self._saturated.step(state is not None and state.saturated is True, now_s=now_s),
             turn_excess_mps2=self._turn_excess.step(newest, motion, now_s=now_s) / self._enlargement,
+            enlargement=self._enlargement,
             rated_as=rated,
             absent=absent_values(rules, len(seen)),
         )

@@ -13,7 +13,7 @@ from supervisor.situation.world_state import WorldState, WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import ImageStatistics, SteeringEstimate, VehicleState
+from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
 
 RULES = FearRules.load(CONFIG_DIR / "fear.yaml")
 SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
@@ -28,10 +28,11 @@ def observed(
     cnn: SteeringEstimate = CNN,
     state: VehicleState = STATE,
     statistics: ImageStatistics = STATISTICS,
+    lead: LeadVehicle | None = None,
 ) -> WorldState:
     s = SETTINGS
     observer = WorldStateObserver(s.validation, s.fusion, s.follow, s.giving_way, s.sight, VEHICLE)
-    return observer.step(RULES, {"cv": cv, "cnn": cnn}, statistics, None, state, now_s=AGE_S)
+    return observer.step(RULES, {"cv": cv, "cnn": cnn}, statistics, lead, state, now_s=AGE_S)
 
 
 def lane(offset_m: float, heading_rad: float, curvature_1pm: float = 0.0) -> dict[str, float]:
@@ -115,3 +116,34 @@ def test_a_flat_image_raises_fear_with_its_flatness_only_where_the_network_wande
     assert [r.fear for r in flat] == sorted({r.fear for r in flat}) and flat[0].fear == 0.0
     assert {r.cause for r in flat[1:]} == {"weak_edges"}
     assert RULES.evaluate(calm | {"relative_contrast": 0.1, "cnn_path_jitter": 0.05}).fear == 0.0
+
+
+def leader(**changes: float) -> LeadVehicle:
+    seen = LeadVehicle(t_s=AGE_S, distance_m=20.0, lateral_m=0.0, speed_mps=0.0, confidence=1.0)
+    return replace(seen, **changes)
+
+
+@pytest.mark.parametrize("lead_mps", [0.0, 3.0, 7.9])
+def test_braking_with_the_deceleration_of_the_leader_ends_at_its_bumper(lead_mps: float) -> None:
+    decel_mps2 = observed(lead=leader(speed_mps=lead_mps)).features["lead_deceleration"]
+    assert decel_mps2 is not None
+    speed_mps, gap_m, dt_s = STATE.speed_mps, 20.0, 1e-3
+    while speed_mps > lead_mps:
+        speed_mps -= decel_mps2 * dt_s
+        gap_m -= (speed_mps - lead_mps) * dt_s
+    assert gap_m == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("lead", [None, leader(speed_mps=8.0), leader(speed_mps=20.0)])
+def test_a_gap_that_does_not_close_needs_no_deceleration(lead: LeadVehicle | None) -> None:
+    assert observed(lead=lead).features["lead_deceleration"] == 0.0
+
+
+def test_an_unsure_vehicle_ahead_counts_by_its_confidence_and_a_broken_one_is_lost() -> None:
+    sure, half = (observed(lead=leader(confidence=c)).features["lead_deceleration"] for c in (1.0, 0.5))
+    assert half == pytest.approx(sure / 2)
+    assert observed(lead=leader(confidence=math.nan)).features["lead_deceleration"] is None
+
+
+def test_a_vehicle_that_is_touched_is_beyond_every_deceleration() -> None:
+    assert observed(lead=leader(distance_m=0.0)).features["lead_deceleration"] == BEYOND
