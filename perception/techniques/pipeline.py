@@ -92,6 +92,7 @@ class Pipeline:
 
     def __init__(self, recipe: PipelineRecipe, camera: Camera, vehicle: Vehicle) -> None:
         self._recipe, self._camera, self._vehicle = recipe, camera, vehicle
+        self._view = _working_view(camera)
         self._before = [(stage.kind, stage.bound()) for stage in recipe.of("prepare", "warp", "region")]
         self._features = _bound(recipe.of("features"))
         self._outliers = _bound(recipe.of("outliers"))
@@ -134,14 +135,14 @@ class Pipeline:
         height_px, width_px = image.shape[:2]
         if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
             self._camera = self._camera.resized(width_px, height_px)
-        picture, view, camera = as_bgr(image), camera_view(self._camera), self._camera
+            self._view = _working_view(self._camera)
+        picture, camera = as_bgr(image), self._camera
         if any(camera.distortion):
             picture = np.asarray(cv2.undistort(picture, camera.intrinsics, camera.lens), np.uint8)
-        if width_px > WORKING_WIDTH_PX:
-            size = (WORKING_WIDTH_PX, max(1, round(height_px * WORKING_WIDTH_PX / width_px)))
+        size = (self._view.width_px, self._view.height_px)
+        if size != (width_px, height_px):
             picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
-            view = view.resized(*size)
-        return picture, view
+        return picture, self._view
 
     def _motion(self, t_s: float, state: VehicleState | None) -> FrameMotion:
         """The motion since the last frame. A jump in time clears all memory."""
@@ -220,6 +221,15 @@ class Pipeline:
         return SteeringEstimate.nothing(
             t_s, estimator=name, lookahead_m=self._lookahead_m, reason=reason, kind=kind
         )
+
+
+def _working_view(camera: Camera) -> GroundView:
+    """The view of the image of ``camera`` at working size; one for all frames keeps its geometry."""
+    view = camera_view(camera)
+    if camera.width_px <= WORKING_WIDTH_PX:
+        return view
+    height_px = max(1, round(camera.height_px * WORKING_WIDTH_PX / camera.width_px))
+    return view.resized(WORKING_WIDTH_PX, height_px)
 
 
 def _bound(stages: tuple[Stage, ...]) -> list[Callable[..., Any]]:

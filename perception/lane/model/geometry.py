@@ -89,6 +89,31 @@ def lane_coordinates(x_m: Array, y_m: Array, mean: Array) -> tuple[Array, Array,
     return station, distance + (offset - rate / 6 * (station * station * station)), root
 
 
+def distances(x_m: Array, y_m: Array, means: Array) -> Array:
+    """d of :func:`lane_coordinates` of road points (m,) for each of n lanes (n, ≥ 4), shape (n, m)."""
+    offset, heading, curvature, rate = means[:, :WIDTH].T[..., None]
+    sin, cos = np.sin(-heading), np.cos(heading)
+    kappa = curvature / np.maximum(1 - curvature * offset, 0.2)
+    kappa = np.where(np.abs(kappa) < MIN_CURVATURE_1PM, MIN_CURVATURE_1PM, kappa)
+    across = y_m * cos - x_m * sin
+    along = x_m * cos
+    along += y_m * sin
+    ahead, aside = kappa * along, 1 - kappa * across
+    root = aside * aside
+    root += ahead * ahead
+    np.sqrt(np.maximum(root, 0.01, out=root), out=root)
+    root += 1
+    across += across
+    across -= kappa * (x_m * x_m + y_m * y_m)
+    across /= root
+    across += offset
+    bends = rate[:, 0] != 0  # an arctangent for the others would be the greatest part of the time
+    if bends.any():
+        station = np.arctan2(ahead[bends], aside[bends]) / kappa[bends]
+        across[bends] -= rate[bends] / 6 * (station * station * station)
+    return np.asarray(across)
+
+
 def parallel_curve(
     x_m: AnyArray, heading_rad: AnyArray, curvature_1pm: AnyArray, place_m: AnyArray
 ) -> AnyArray:

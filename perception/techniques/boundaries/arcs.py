@@ -15,7 +15,7 @@ Chernov, Circular and Linear Regression (2010), chapter 4.
 
 import numpy as np
 
-from perception.lane.model.geometry import KAPPA, PSI, WIDTH, E, lane_coordinates, lane_curve
+from perception.lane.model.geometry import KAPPA, PSI, WIDTH, E, distances, lane_coordinates, lane_curve
 from perception.techniques.boundaries.evidence import (
     LEAST,
     STEP_M,
@@ -42,6 +42,7 @@ MOST_OFFSET, MOST_HEADING_RAD, MOST_BEND_1PM = 0.6, 0.8, 0.2  # the offset in la
 MOST_WIDENING = 0.35
 DRAWN_M, DRAWN = 0.3, 100.0  # scale and weight of the points of boundaries that are drawn, not measured
 NUDGE = np.array([1e-4, 1e-5, 1e-6, 1e-7])  # of e, ψ, κ, κ': differences instead of derivatives
+NUDGES = np.diag([*NUDGE, 0.0])[:WIDTH]
 
 
 def arcs(
@@ -150,39 +151,49 @@ def _refined(
 ) -> Array:
     """The best of ``lanes`` (n, 5) for the points, and of Gauss-Newton steps from there."""
 
-    def votes(lane: Array) -> float:
-        fits = _is_plausible(lane[None], width_m)[0]
-        return float(weight @ _alike(_off(x_m, y_m, lane), scale_m)) if fits else 0.0
-
-    best = lane = max(lanes, key=votes)
+    fits = _is_plausible(lanes, width_m)
+    lanes = lanes[fits] if fits.any() else lanes[:1]
+    off = _off(x_m, y_m, lanes)
+    likeness = _alike(off, scale_m)
+    best = int(np.argmax(likeness @ weight))
+    lane, off, alike = lanes[best], off[best], likeness[best]
+    found, most = lane, float(alike @ weight) if fits.any() else 0.0
     for _ in range(STEPS):
-        lane = _stepped(x_m, y_m, lane, weight * _alike(_off(x_m, y_m, lane), scale_m), width_m, bend_1pm)
-        best = max(best, lane, key=votes)
-    return best
+        lane = _stepped(x_m, y_m, lane, off, weight * alike, width_m, bend_1pm)
+        off = _off(x_m, y_m, lane[None])[0]
+        alike = _alike(off, scale_m)
+        if (votes := float(alike @ weight)) > most and _is_plausible(lane[None], width_m)[0]:
+            found, most = lane, votes
+    return found
 
 
-def _off(x_m: Array, y_m: Array, lane: Array) -> Array:
-    """r of the points."""
-    return np.asarray(np.abs(lane_coordinates(x_m, y_m, lane)[1]) - lane[WIDTH] / 2)
+def _off(x_m: Array, y_m: Array, lanes: Array) -> Array:
+    """r of the points (m,) for each of the lanes (n, 5), (n, m)."""
+    return np.asarray(np.abs(distances(x_m, y_m, lanes)) - lanes[:, WIDTH, None] / 2)
 
 
 def _alike(off_m: Array, scale_m: float) -> Array:
-    return np.asarray(1 / (1 + (off_m / scale_m) ** 2) ** 2)
+    near = off_m / scale_m
+    near *= near
+    near += 1
+    near *= near
+    return np.asarray(np.reciprocal(near, out=near))
 
 
-def _stepped(x_m: Array, y_m: Array, lane: Array, weight: Array, width_m: float, bend_1pm: float) -> Array:
-    """The lane after a Gauss-Newton step towards the usual lane, ``width_m`` wide."""
-    off = _off(x_m, y_m, lane)
-    slope = np.zeros((len(x_m) + 5, 5))
-    for number, nudge in enumerate(NUDGE):
-        nudged = lane.copy()
-        nudged[number] += nudge
-        slope[:-5, number] = (_off(x_m, y_m, nudged) - off) / nudge
-    slope[:-5, WIDTH] = -0.5
-    slope[-5:] = np.eye(5)
-    residual = np.r_[off, lane - [0.0, 0.0, 0.0, 0.0, width_m]]
-    root = np.r_[np.sqrt(weight) / SPREAD_M, 1 / (PRIOR_SIGMA * [1.0, 1.0, bend_1pm, bend_1pm, 1.0])]
-    return np.asarray(lane - np.linalg.lstsq(slope * root[:, None], residual * root, rcond=None)[0], float)
+def _stepped(
+    x_m: Array, y_m: Array, lane: Array, off: Array, weight: Array, width_m: float, bend_1pm: float
+) -> Array:
+    """The lane after a Gauss-Newton step towards the usual lane, ``width_m`` wide; ``off``: r of the points."""
+    slope = np.empty((5, len(x_m)))  # ∂r/∂p, by differences
+    np.subtract(_off(x_m, y_m, lane + NUDGES), off, out=slope[:WIDTH])
+    slope[:WIDTH] /= NUDGE[:, None]
+    slope[WIDTH] = -0.5
+    prior = 1 / (PRIOR_SIGMA * [1.0, 1.0, bend_1pm, bend_1pm, 1.0]) ** 2
+    weighted = slope * (weight / SPREAD_M**2)
+    normal = weighted @ slope.T
+    normal[np.diag_indices(5)] += prior
+    away = lane - [0.0, 0.0, 0.0, 0.0, width_m]
+    return np.asarray(lane - np.linalg.solve(normal, weighted @ off + prior * away), float)
 
 
 def _remembered(before: Boundaries, near_m: float) -> Points:

@@ -19,6 +19,7 @@ from trepid.clothoid import Lane, chord
 from trepid.types import Array, Mask
 
 AT_HORIZON = 1e-9
+MOST_PARTS = 8  # of a view, kept with their geometry
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,18 @@ class GroundView:
         return float(np.nanmin(np.where(self.ahead_m > 0, self.ahead_m, np.nan)))
 
     def cropped(self, box: "PixelBox") -> "GroundView":
-        """The view of the part of the picture inside ``box``."""
+        """The view of the part of the picture inside ``box``, one for every frame that has this box."""
+        if box not in self._parts:
+            if len(self._parts) == MOST_PARTS:
+                self._parts.clear()
+            self._parts[box] = self._part(box)
+        return self._parts[box]
+
+    @cached_property
+    def _parts(self) -> "dict[PixelBox, GroundView]":
+        return {}
+
+    def _part(self, box: "PixelBox") -> "GroundView":
         shift = np.array([[1.0, 0, -box.left_px], [0, 1, -box.top_px], [0, 0, 1]])
         return replace(
             self,

@@ -1,5 +1,6 @@
 """Filters along image rows whose width is a length on the road at that row; they need no warp of the picture."""
 
+from functools import lru_cache
 from itertools import pairwise
 
 import cv2
@@ -26,9 +27,9 @@ def row_means(image: Image, edges_m: tuple[float, ...], view: GroundView) -> lis
     first = int(road[0]) if len(road) else image.shape[0]
     running = np.zeros((image.shape[0] - first, image.shape[1] + 1), np.float32)
     np.cumsum(image[first:], axis=1, dtype=np.float32, out=running[:, 1:])
-    columns = np.arange(image.shape[1], dtype=np.float32) + np.float32(0.5)
     metre_px = width_px(view, 1.0).astype(np.float32)[first:, None]
-    sums = [_between(running, columns - metre_px * np.float32(edge)) for edge in edges_m]
+    places = _places(metre_px.tobytes(), image.shape[1], edges_m)
+    sums = [_between(running, index, share) for index, share in places]
     means = []
     for (left_m, before), (right_m, after) in pairwise(zip(edges_m, sums, strict=True)):
         mean = np.zeros(image.shape, np.float32)
@@ -37,15 +38,34 @@ def row_means(image: Image, edges_m: tuple[float, ...], view: GroundView) -> lis
     return means
 
 
-def _between(running: Floats, place: Floats) -> Floats:
-    """The running sums at places between columns, by linear interpolation."""
-    last = running.shape[1] - 1
-    place = np.clip(place, 0, last)
-    index = np.minimum(place.astype(np.int32), last - 1)
-    place -= index
-    index += running.shape[1] * np.arange(len(running), dtype=np.int32)[:, None]
-    low, high = running.take(index), running.take(index + 1)
-    return np.asarray(low + place * (high - low), np.float32)
+@lru_cache(maxsize=8)  # of a camera at rest they are those of the last frame
+def _places(
+    metre_px: bytes, columns: int, edges_m: tuple[float, ...]
+) -> tuple[tuple[NDArray[np.intp], Floats], ...]:
+    """Place in the running sums of each edge of each pixel: flat index and share of the way to the next one.
+
+    ``metre_px``: float32 of every row, a metre on the road in columns.
+    """
+    row_px = np.frombuffer(metre_px, np.float32)[:, None]
+    middles = np.arange(columns, dtype=np.float32) + np.float32(0.5)
+    found = []
+    for edge_m in edges_m:
+        place = np.clip(middles - row_px * np.float32(edge_m), 0, columns)
+        index = np.minimum(place.astype(np.intp), columns - 1)
+        place -= index.astype(np.int32)
+        found.append((index + (columns + 1) * np.arange(len(row_px))[:, None], place))
+    return tuple(found)
+
+
+def _between(running: Floats, index: NDArray[np.intp], share: Floats) -> Floats:
+    """The running sums between columns, by linear interpolation."""
+    flat = running.ravel()
+    low = flat.take(index, mode="clip")
+    high = flat[1:].take(index, mode="clip")
+    high -= low
+    high *= share
+    high += low
+    return np.asarray(high, np.float32)
 
 
 def row_top_hat(image: Image, view: GroundView, width_m: float) -> Image:

@@ -7,7 +7,14 @@ from drawn_road_rig import CAMERA, VEHICLE, road
 from technique_rig import VIEW, straight_boundaries
 
 from perception.estimators import ESTIMATORS, FURTHER, build, entry_of, estimators
-from perception.techniques.image.picture import Boundaries, Evidence, FeatureKind, Features
+from perception.techniques.image.picture import (
+    Boundaries,
+    Evidence,
+    FeatureKind,
+    Features,
+    PixelBox,
+    camera_view,
+)
 from perception.techniques.pipeline import Pipeline, clarity
 from perception.techniques.recipe import recipes, settings_of
 from perception.techniques.stages import KINDS
@@ -237,3 +244,12 @@ def test_the_default_estimators_do_not_read_the_file_of_the_pipelines(monkeypatc
     assert build("cv") is not None
     with pytest.raises(InputError, match=r"pipelines\.yaml:1:1"):
         build("canny_hough")
+
+
+def test_a_part_of_a_view_is_kept_for_the_next_frame_and_others_do_not_pile_up() -> None:
+    view = camera_view(CAMERA)
+    boxes = [PixelBox(top_px, 200, 0, 300) for top_px in range(20)]
+    parts = [view.cropped(box) for box in boxes]
+    assert view.cropped(boxes[-1]) is parts[-1]
+    again = view.cropped(boxes[0])
+    assert again is not parts[0] and again.pixel_m == pytest.approx(parts[0].pixel_m, nan_ok=True)

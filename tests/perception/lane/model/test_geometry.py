@@ -1,9 +1,9 @@
-"""The deviation of the lane centre ahead, from the covariance of the lane state."""
+"""Distances of road points from lanes, and the deviation of the lane centre ahead from the covariance."""
 
 import numpy as np
 import pytest
 
-from perception.lane.model.geometry import KAPPA, PSI, E, LaneState
+from perception.lane.model.geometry import KAPPA, PSI, E, LaneState, distances, lane_coordinates
 from trepid.messages import SIGMA_AHEAD_M
 
 
@@ -25,3 +25,13 @@ def test_offset_heading_and_curvature_alone_grow_with_their_power_of_the_distanc
     covariance[component, component] = 0.01**2
     sigma_m = LaneState(np.zeros(6), covariance).ahead_sigma_m
     assert sigma_m[4] == pytest.approx(sigma_m[2] * (SIGMA_AHEAD_M[4] / SIGMA_AHEAD_M[2]) ** power)
+
+
+def test_distances_from_many_lanes_are_those_from_each_alone() -> None:
+    rng = np.random.default_rng(5)
+    x_m, y_m = rng.uniform(-3, 25, 60), rng.uniform(-4, 4, 60)
+    lanes = rng.normal([0, 0, 0, 0, 3.4], [0.5, 0.1, 0.05, 0.002, 0.0], (40, 5))
+    lanes[:10, 3] = 0.0
+    lanes[10:15, 2:4] = 0.0
+    alone = [lane_coordinates(x_m, y_m, lane)[1] for lane in lanes]
+    assert distances(x_m, y_m, lanes) == pytest.approx(np.array(alone), abs=1e-12)
