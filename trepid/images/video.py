@@ -34,8 +34,11 @@ CODECS = {
     "vvc1": "VVC",
 }
 BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free")  # that begin an MP4 or MOV
+LEAST_STEP_S = 5e-4  # between two frames: stamps are whole milliseconds or finer, and rates below 1 kHz
 MOST_FRAMES = 1e8
 SEARCHED = 1 << 20  # bytes at both ends of a file that may name its codec
+_LEAST_ID = 0x10  # first byte of the identifier of a Matroska element: of 1 to 4 bytes
+LFS = b"version https://git-lfs"
 EBML, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 
 
@@ -67,7 +70,7 @@ def video_frames(path: Path) -> Iterator[VideoFrame]:
         while capture.grab():
             number += 1
             stamp_s = 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC)
-            follows = math.isfinite(stamp_s) and stamp_s > before_s
+            follows = math.isfinite(stamp_s) and stamp_s > before_s + LEAST_STEP_S
             before_s = stamp_s if follows else before_s + period_s if number else 0.0
             yield VideoFrame(number, before_s, decode)
         if number < 0:
@@ -140,6 +143,8 @@ def _unreadable(path: Path, capture: cv2.VideoCapture) -> str:
         return f"{path}: cannot be read: {error.strerror or error}"
     if loss or not size:
         return f"{path}: video is truncated: {loss or 'the file is empty'}"
+    if beginning.startswith(LFS):
+        return f"{path}: is a Git LFS pointer, not the video: `git lfs pull` gets it"
     if not capture.isOpened() and not _is_container(beginning):
         return f"{path}: cannot be read as a video"
     codec = _opened_codec(capture) if capture.isOpened() else _codec_in(beginning + end)
@@ -212,7 +217,7 @@ def _boxes_loss(file: BinaryIO, size: int) -> str:
 
 
 def _matroska_loss(file: BinaryIO, size: int) -> str:
-    """Of the segment after the header; a live recording does not know its length."""
+    """Of the segment after the header; of a live recording, which does not know its length, of its elements."""
     file.seek(len(EBML))
     header = _ebml_length(file)
     if header is None:
@@ -221,7 +226,24 @@ def _matroska_loss(file: BinaryIO, size: int) -> str:
     if file.read(len(SEGMENT)) != SEGMENT:
         return ""
     length = _ebml_length(file)
-    return "" if length is None else _missing(file.tell() + length, size)
+    if length is not None:
+        return _missing(file.tell() + length, size)
+    return _elements_loss(file, size)
+
+
+def _elements_loss(file: BinaryIO, size: int) -> str:
+    """Of the elements from here on; one without a length, such as the cluster of a live recording, is entered."""
+    while (place := file.tell()) + 2 <= size:
+        first = file.read(1)[0]
+        if first < _LEAST_ID:
+            return ""  # padding
+        file.seek(place + 9 - first.bit_length())
+        length = _ebml_length(file)
+        end = file.tell() + (length or 0)
+        if end > size:
+            return f"at least {end - size} bytes are missing"
+        file.seek(end)
+    return ""
 
 
 def _ebml_length(file: BinaryIO) -> int | None:

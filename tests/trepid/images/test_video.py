@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from video_rig import element, matroska
+from video_rig import UNKNOWN, element, matroska
 
 from trepid.config import InputError
 from trepid.images.video import count_frames, loss_of, spread_images, video_frames
@@ -49,6 +49,12 @@ def test_a_stamp_that_does_not_follow_is_one_period_after_the_one_before(tmp_pat
     assert t_s[0] == 0.0 and (np.diff(t_s) > 0).all()
 
 
+def test_a_clock_that_steps_back_leaves_no_two_frames_at_one_time(tmp_path: Path) -> None:
+    stepped = [*range(0, 160, 40), *range(40, 680, 40)]
+    path = matroska(tmp_path / "a.mkv", IMAGES[:20], stepped)
+    assert np.diff([frame.t_s for frame in video_frames(path)]).min() > 1e-3
+
+
 @pytest.mark.parametrize("name", ["a.mp4", "a.mov", "a.avi"])
 def test_a_film_of_opencv_is_whole_and_a_part_of_it_is_called_cut(tmp_path: Path, name: str) -> None:
     path = film(tmp_path / name)
@@ -68,6 +74,20 @@ def test_matroska_that_knows_its_length_is_called_cut(tmp_path: Path) -> None:
     path.write_bytes(data[:-100])
     assert loss_of(path) == f"100 of {len(data)} bytes are missing"
     assert 0 < count_frames(path) < len(IMAGES)
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_a_live_recording_is_called_cut_where_its_last_frame_is(tmp_path: Path, nested: bool) -> None:
+    path = matroska(tmp_path / "a.webm", IMAGES, TIMES_MS, known=False)
+    data = path.read_bytes()
+    if nested:  # clusters without lengths, as MediaRecorder writes them
+        parts = data.split(bytes.fromhex("1f43b675"))
+        data = parts[0] + b"".join(bytes.fromhex("1f43b675") + UNKNOWN + part[8:] for part in parts[1:])
+        path.write_bytes(data)
+    assert loss_of(path) == "" and count_frames(path) == len(IMAGES)
+    for lost in (1, 20, 100):
+        path.write_bytes(data[:-lost])
+        assert loss_of(path) == f"at least {lost} bytes are missing"
 
 
 def test_bytes_after_a_whole_film_are_no_loss(tmp_path: Path) -> None:
@@ -90,6 +110,7 @@ def test_a_missing_decoder_is_called_so_with_the_command_that_converts(tmp_path:
     ("content", "said"),
     [
         (b"", "video is truncated: the file is empty"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "is a Git LFS pointer, not the video"),
         (b"no video", "cannot be read as a video"),
         ((64).to_bytes(4, "big") + b"mdat" + bytes(56), "video is truncated: its index (moov) is missing"),
         (
@@ -98,7 +119,7 @@ def test_a_missing_decoder_is_called_so_with_the_command_that_converts(tmp_path:
         ),
         (element("1a45dfa3", b""), "its codec: this OpenCV cannot decode it; convert it: ffmpeg"),
     ],
-    ids=["empty", "text", "no index", "cut", "no tracks"],
+    ids=["empty", "pointer", "text", "no index", "cut", "no tracks"],
 )
 def test_a_file_without_a_frame_is_refused_by_its_cause(tmp_path: Path, content: bytes, said: str) -> None:
     path = tmp_path / "a.mp4"
