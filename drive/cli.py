@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from drive.course import PASSED
-from trepid.causes import concerning
+from trepid.causes import Cause, in_words
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.loudness import Loudness, loudness, note, warn
 from trepid.messages import Health
@@ -221,7 +221,7 @@ def status(log: "DriveLog", fleet: "Fleet", *, elapsed_s: float) -> "Group":
 
 
 def driving_line(log: "DriveLog", *, elapsed_s: float) -> "Text":
-    """One line: time, place, speed, lateral error, mode, fear and its cause, and what a standing car waits for."""
+    """One line: time, place, speed, lateral error, mode, fear with its cause, and what the car does and why."""
     from rich.text import Text
 
     text = Text(f"t {elapsed_s:z6.1f} s")
@@ -235,12 +235,11 @@ def driving_line(log: "DriveLog", *, elapsed_s: float) -> "Text":
         text.append(f"  speed {state.speed_mps:z4.1f} m/s")
     if decision is not None:
         colour = FEAR_COLOURS.get(decision.level, "white")
-        cause = concerning(decision.cause, decision.part)
         text.append(f"  {decision.mode}", style="bold")
-        text.append(f"  fear {decision.fear:z.2f} {decision.level}: {cause}", style=colour)
-    if log.waits_for:
-        text.append(f"  {log.waits_for}", style="bold")
-    return text
+        cause = in_words(decision.cause, decision.part)
+        said = "" if decision.cause == Cause.NONE or cause in log.reason else f": {cause}"
+        text.append(f"  fear {decision.fear:z.2f} {decision.level}{said}", style=colour)
+    return text.append(f"  {log.reason}", style="bold")
 
 
 def summary(row: dict[str, Any]) -> "Table":

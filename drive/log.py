@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from drive.course import Judge
+from drive.reason import reason
 from drive.tally import Tally
 from trepid.bus import Bus, Stream
 from trepid.clock import Clock
@@ -122,11 +123,21 @@ class DriveLog:
             self._add(message)
 
     @property
+    def _held(self) -> str:
+        """The words of the stop button that holds the car; "": it does not."""
+        beats = self.diagnostics.values()
+        return next((beat.message for beat in beats if beat.message.startswith(STOPPED)), "")
+
+    @property
     def waits_for(self) -> str:
         """Why the car stands and what would end that: the stop button, else the supervisor; "": it may drive."""
-        beats = self.diagnostics.values()
-        held = next((beat.message for beat in beats if beat.message.startswith(STOPPED)), "")
-        return held or (self.decision.waits_for if self.decision is not None else "")
+        return self._held or (self.decision.waits_for if self.decision is not None else "")
+
+    @property
+    def reason(self) -> str:
+        """What the car does and why, in a sentence: held by the stop button, else :func:`drive.reason.reason`."""
+        driver = self.state is not None and self.state.driver_override
+        return self._held or reason(self.decision, command=self.command, driver=driver)
 
     def _add(self, message: Any) -> None:
         match message:

@@ -205,7 +205,9 @@ class Monitor:
         self._log.receive(timeout_s=LISTEN_S)
         self._losses.publish(self._log.diagnostics)
         health = Health.ERROR if self._problems else Health.OK
-        self._overview.publish(health, message, self._log.waits_for)
+        self._overview.publish(
+            health, message, self._log.waits_for if self._log.waiting else self._log.reason
+        )
         now_s = self._clock()
         if now_s - self._shown_s >= self._settings.status_period_s:
             self._shown_s = now_s

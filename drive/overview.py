@@ -9,7 +9,7 @@ from trepid.clock import nanoseconds
 from trepid.messages import Diagnostic, Health
 from trepid.processes.launch import Fleet
 from trepid.processes.notify import Notifier
-from trepid.processes.register import PROCESS
+from trepid.processes.register import PROBLEMS, PROCESS
 from trepid.processes.settings import LAUNCHER
 from trepid.recording.writer import BEGAN
 from trepid.topics import DIAGNOSTICS
@@ -38,16 +38,19 @@ class Overview:
         """Keep the reason of the end of the process ``name``."""
         self._ends[name] = reason
 
-    def publish(self, health: Health, message: str, waits_for: str = "") -> None:
-        """Publish when it is due, or when ``message`` has changed. ``waits_for``, with its numbers, follows it."""
+    def publish(self, health: Health, message: str, reason: str = "") -> None:
+        """Publish when it is due, or when ``message`` has changed. ``reason``, with its numbers, follows it."""
         self._notifier.alive()
         now_s = self._log.now_s()
         if message == self._published and now_s - self._sent_s < PERIOD_S:
             return
         self._published, self._sent_s = message, now_s
-        message = "; ".join(filter(None, (message, waits_for))) or "driving"
+        problems, message = message, "; ".join(filter(None, (message, reason)))
         self._notifier.status(message)
-        values = [(f"{PROCESS}{name}", json.dumps(self._state(name, now_s))) for name in self._fleet.children]
+        values = [(PROBLEMS, problems)]
+        values += [
+            (f"{PROCESS}{name}", json.dumps(self._state(name, now_s))) for name in self._fleet.children
+        ]
         if self._began_s is not None:
             values.append((BEGAN, str(nanoseconds(self._began_s))))
         self._send(

@@ -14,7 +14,7 @@ from supervisor.inputs.watchdog import FAULTS, LEAD, STATISTICS, Watchdog, cause
 from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explained, is_image_late
 from supervisor.modes.doubts import Doubts, is_guess, moment
 from supervisor.modes.modes import Effect, ModeSettings, ModeState, brake_of, next_state
-from supervisor.modes.speed import SpeedFactor
+from supervisor.modes.speed import Cap, SpeedFactor, least_cap
 from supervisor.modes.waits import Bounds, Halt, StartSituation, obstacle, waits_for
 from supervisor.path.follow import FollowSettings
 from supervisor.path.fusion import FusionSettings, Path
@@ -27,7 +27,7 @@ from supervisor.situation.added import wrong_ranges
 from supervisor.situation.features import unknown_features
 from supervisor.situation.ratings import RATED_AS, near_miss, unrated_names
 from supervisor.situation.world_state import WorldState, WorldStateObserver
-from trepid.bounds import at_least, at_most
+from trepid.bounds import at_most
 from trepid.car.vehicle import Vehicle
 from trepid.causes import Cause, unknown_cause
 from trepid.config import CONFIG_DIR, InputError, Settings, default_file, load, located, read, read_text
@@ -36,6 +36,7 @@ from trepid.messages import (
     Decision,
     ImageStatistics,
     LeadVehicle,
+    Limit,
     Losses,
     Mode,
     RoadUsers,
@@ -244,10 +245,18 @@ class Supervisor:
             cause = Cause.PERSON
         elif cause == CALM and world.sight.cap_mps < wanted_mps:
             cause = world.sight.cause or CALM
+        by = self._speed.limited_by
         if losses is not None and losses.slow:
+            by = Limit.PROCESS if factor > self._settings.lost_process_speed_factor else by
             factor = at_most(factor, self._settings.lost_process_speed_factor)
             cause = Cause.LOST_PROCESS if cause == CALM else cause
-        decision = self._decision(world, rated, self._mode.cause or cause, finding, factor, now_s)
+        follows = self._mode.mode is Mode.FOLLOW and rules.mode(rated.fear) is not Mode.STOP
+        cap = Cap(0.0, Limit.STOP, factor)
+        if self._stop is Stop.NONE:
+            cap = least_cap(
+                world, self._observer.follower, factor, by, self._settings.cruise_speed_mps, follows=follows
+            )
+        decision = self._decision(world, rated, self._mode.cause or cause, finding, cap, now_s)
         braked_for = "" if for_people or self._stop is self._mode.stop else str(cause)
         lead_mps, cap_mps = self._observer.follower.speed_cap_mps(world.ahead), decision.speed_cap_mps
         halt = Halt(self._mode, now, self._doubts.healthy_s, self._stop, braked_for, late, cap_mps, lead_mps)
@@ -266,23 +275,11 @@ class Supervisor:
         follows = trail is not None and (self._mode.mode is Mode.FOLLOW or road is None)
         return self._hand_over.step(trail if follows else road, world.last_motion, now_s=now_s)
 
-    def _speed_cap_mps(self, world: WorldState, fear: float, factor: float) -> float:
-        """The share ``factor`` of the cruise speed, at least the pace of a followed vehicle, at most a safe gap."""
-        if self._stop is not Stop.NONE:
-            return 0.0
-        cruise_mps = self._settings.cruise_speed_mps * factor
-        if self._mode.mode is Mode.FOLLOW and self._rules.mode(fear) is not Mode.STOP:
-            pace_mps = at_most(self._observer.follower.pace_mps(world.ahead), self._settings.cruise_speed_mps)
-            cruise_mps = at_least(cruise_mps, pace_mps)
-        gap_mps = self._observer.follower.speed_cap_mps(world.ahead)
-        return min(cruise_mps, gap_mps, world.way.cap_mps, world.sight.cap_mps)
-
     def _decision(
-        self, world: WorldState, rated: FearResult, cause: str, finding: Finding, factor: float, now_s: float
+        self, world: WorldState, rated: FearResult, cause: str, finding: Finding, cap: Cap, now_s: float
     ) -> Decision:
         path, fused, names = self._path(world, now_s), world.fused, self._rules.names
-        cap_mps = self._speed_cap_mps(world, rated.fear, factor)
-        way = world.way if world.way.sets(cap_mps) else CLEAR
+        way = world.way if world.way.sets(cap.speed_mps) else CLEAR
         lane = path.lane if path else None
         lookahead_m = path.lookahead_m if path else self._settings.fusion.min_lookahead_m
         return Decision(
@@ -308,8 +305,11 @@ class Supervisor:
             sources=fused.sources,
             trust=fused.trust,
             disagreement_mps2=fused.disagreement_mps2,
-            speed_factor=factor,
-            speed_cap_mps=cap_mps,
+            speed_factor=cap.factor,
+            speed_cap_mps=cap.speed_mps,
+            limited_by=cap.limited_by,
+            lane_unseen_s=fused.unseen_s if math.isfinite(fused.unseen_s) else None,
+            lead_m=world.ahead.distance_m,
             road_user=way.kind,
             road_user_m=way.ahead_m,
             sight_m=world.sight.sight_m,

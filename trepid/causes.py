@@ -4,6 +4,7 @@ The causes of the code and of ``config/fear.yaml`` are :class:`Cause`. A rule fi
 ``causes``; these are known in that file and wherever its rules are used.
 """
 
+import math
 from collections.abc import Collection, Iterable
 from enum import StrEnum
 
@@ -69,6 +70,66 @@ class Cause(StrEnum):
 def concerning(cause: str, part: str) -> str:
     """The text of ``cause`` with the part that it concerns, such as ``doubted_state (yaw rate)``."""
     return f"{cause} ({part})" if part else cause
+
+
+IN_WORDS: dict[str, str] = {
+    Cause.NONE: "no cause",
+    Cause.STARTING: "starting",
+    Cause.DRIVER_OVERRIDE: "the driver has the car",
+    Cause.STOP_BUTTON: "STOP pressed",
+    Cause.NO_RULE: "no rule holds",
+    Cause.MISSING_DATA: "missing data",
+    Cause.STALE_DATA: "no new image",
+    Cause.LOST_ESTIMATOR: "late or lost estimator",
+    Cause.VEHICLE_STATE_LOST: "no state of the vehicle",
+    Cause.IMAGE_STATISTICS_LOST: "no image statistics",
+    Cause.LEAD_LOST: "detector of vehicles lost",
+    Cause.ROAD_USERS_LOST: "detector of people lost",
+    Cause.LOST_PROCESS: "lost process",
+    Cause.DARK: "dark image",
+    Cause.OVER_EXPOSED: "dazzled camera",
+    Cause.FROZEN_CAMERA: "frozen image",
+    Cause.BLURRED: "blurred image",
+    Cause.DIRTY_LENS: "dirty lens",
+    Cause.FOG: "fog, rain or snow",
+    Cause.CREST: "crest ahead",
+    Cause.SIGHT_UNKNOWN: "unknown sight",
+    Cause.OCCLUDED: "view blocked by a vehicle",
+    Cause.DISAGREEMENT: "contradicting estimators",
+    Cause.NO_ROAD: "no lane seen",
+    Cause.UNMARKED: "no lane markings",
+    Cause.LOW_CONFIDENCE: "lane hard to see",
+    Cause.UNCONFIRMED: "lane not confirmed",
+    Cause.SINGLE_SOURCE: "lane seen by one estimator only",
+    Cause.JITTER: "unsteady lane",
+    Cause.ODD_ROAD: "unusual road",
+    Cause.WEAK_EDGES: "weak road edges",
+    Cause.LANE_WIDTH: "unusual lane width",
+    Cause.NARROW: "narrow lane",
+    Cause.OFF_CENTRE: "off the lane centre",
+    Cause.DEMAND: "sharp bend",
+    Cause.SATURATED: "steering at its limit",
+    Cause.LEAD_CLOSE: "vehicle ahead too near",
+    Cause.PERSON: "person, cyclist or animal",
+    Cause.DOUBTED_STATE: "doubted measurement",
+}
+"""Every cause as a driver says it."""
+
+
+def in_words(cause: str, part: str = "") -> str:
+    """``cause`` as a driver says it, with the part that it concerns; one of a rule file by its own name."""
+    return concerning(IN_WORDS.get(cause, cause.replace("_", " ")), part)
+
+
+BRIEF_S = 0.3  # a lane that is not seen for a shorter time is no news
+_NO_LANE = frozenset({Cause.NO_ROAD, Cause.UNCONFIRMED, Cause.LOW_CONFIDENCE})
+
+
+def unseen(cause: str, unseen_s: float | None) -> str:
+    """For how long no lane has been seen, where that is the ``cause``; "" else. None, inf: not seen so far."""
+    if cause not in _NO_LANE or unseen_s is None or not BRIEF_S <= unseen_s < math.inf:
+        return ""
+    return f"no lane seen for {unseen_s:.1f} s"
 
 
 CAUSES: frozenset[str] = frozenset(cause.value for cause in Cause)

@@ -41,6 +41,20 @@ class Stop(StrEnum):
     EMERGENCY = "emergency"  # at most 4 m/s² (UN R157 minimal-risk manoeuvre limit)
 
 
+class Limit(StrEnum):
+    """The least of the speed caps of the supervisor, which is the speed cap of a decision."""
+
+    UNKNOWN = ""  # not stated, as in older recordings
+    CRUISE = "cruise"  # the cruise speed: nothing else limits the speed
+    FEAR = "fear"
+    RECOVERY = "recovery"  # fear has fallen, or the drive begins: the speed rises slowly
+    PROCESS = "process"  # a process is lost whose loss means slower
+    LEAD = "lead"  # the gap to the vehicle ahead, or its pace while it is followed
+    ROAD_USER = "road_user"  # a person, cyclist or animal
+    SIGHT = "sight"  # the way that the camera sees
+    STOP = "stop"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """One camera frame (sensor_msgs/Image)."""
@@ -237,6 +251,9 @@ class Decision:
     waits_for: str = ""
     road_user: str = ""  # kind of the road user that sets the speed cap, or is braked for hard; "": none
     road_user_m: float | None = None  # ... and its distance ahead of the front bumper
+    lane_unseen_s: float | None = None  # since the newest frame with a lane; None: there was none so far
+    lead_m: float | None = None  # distance of the vehicle ahead from the front bumper; None: none
+    limited_by: Limit = Limit.UNKNOWN  # what sets the speed cap
     # last, because a recording is searched by the last bytes of its decisions (cockpit/logbook/recall.py)
     speed_factor: float  # 0..1, non-increasing in fear
     speed_cap_mps: float

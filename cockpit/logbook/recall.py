@@ -13,6 +13,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
+from drive.reason import reason
 from supervisor.rules.inference import FearRules
 from trepid.config import InputError, default_file
 from trepid.loudness import note
@@ -130,6 +131,12 @@ class Recall:
     def state_at(self, index: int) -> VehicleState | None:
         """The newest report of the vehicle when decision ``index`` was made."""
         return self._newest(VEHICLE_STATE, index)
+
+    def said(self, index: int) -> str:
+        """What the car did at decision ``index`` and why, in a sentence; by the command that followed it."""
+        state, after = self.state_at(index), min(index + 1, len(self.decisions) - 1)
+        driver = state is not None and bool(state.driver_override)
+        return reason(self.decisions[index], command=self._newest(COMMAND, after), driver=driver)
 
     def statistics_at(self, index: int) -> ImageStatistics | None:
         """The newest statistics of the image when decision ``index`` was made."""

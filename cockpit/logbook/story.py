@@ -14,6 +14,7 @@ import numpy as np
 
 from cockpit.logbook.recall import Recall, of_valid
 from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, significant, slow_downs
+from drive.reason import fired
 from supervisor.rules.inference import FearRules, Values
 from supervisor.rules.rule_file import LEVELS
 from trepid.messages import Decision, Stop
@@ -61,7 +62,6 @@ AROUND_S = 0.5  # of the given time
 STEADY_S = 0.2  # shorter states are left out of the timeline, unless they stop the vehicle
 MOST_MOMENTS = 14
 _MEASURED_CLEAR = 0.1  # of the cruise speed: the measured speed is noisier than the cap
-_NOTHING = 1e-9
 
 Story = dict[str, Any]
 """The output of ``trepid fear explain RECORDING --at T --json``; docs/recordings.md lists the fields."""
@@ -110,7 +110,7 @@ def overview(drive: Recall) -> list[Story]:
     for slow in _cap_falls(drive):
         decision = drive.decisions[_worst(drive, slow)]
         judged = _fields(decision, "mode", "cause", "part", "fear")
-        found.append({**_course(drive, slow), **judged, "limited_by": _limit(drive, decision)})
+        found.append({**_course(drive, slow), **judged, "limited_by": decision.limited_by})
     return found
 
 
@@ -131,7 +131,8 @@ def _moment(drive: Recall, index: int) -> Story:
         "moment_s": _at(drive, index),
         **_fields(decision, "mode", "stop", "fear", "level", "cause", "part", "speed_cap_mps", "waits_for"),
         **_fields(decision, "road_user", "road_user_m"),
-        "limited_by": _limit(drive, decision),
+        "limited_by": decision.limited_by,
+        "said": drive.said(index),
         "rules": _rules(drive, decision),
         "inputs": _inputs(drive, decision),
         "repeats": drive.repeats(index),
@@ -238,25 +239,15 @@ def _course(drive: Recall, slow: SlowDown) -> Story:
     }
 
 
-def _limit(drive: Recall, decision: Decision) -> str:
-    """The limit that set the cap: a stop, a road user, the gap to the vehicle ahead, or fear."""
-    if decision.stop is not Stop.NONE:
-        return "stop"
-    if decision.road_user:
-        return "road_user"
-    by_fear_mps = drive.cruise_mps * decision.speed_factor
-    return "lead" if decision.speed_cap_mps < by_fear_mps * (1.0 - CLEAR) - _NOTHING else "fear"
-
-
 def _rules(drive: Recall, decision: Decision) -> list[Story]:
     """The rules that fired, by their contribution to fear: strength times the position of their level."""
     by = drive.rules_of(decision)
     at = {rule.text: by.file.fear.all[rule.harm].at for rule in by.rules}
-    fired = [
+    rules = [
         {"text": text, "strength": strength, "adds": strength * at.get(text, 1.0)}
-        for text, strength in zip(decision.rules, decision.rule_strengths, strict=True)
+        for text, strength in fired(decision)
     ]
-    return sorted(fired, key=lambda rule: -rule["adds"])
+    return sorted(rules, key=lambda rule: -rule["adds"])
 
 
 def _inputs(drive: Recall, decision: Decision) -> list[Story]:

@@ -58,7 +58,7 @@ def _calm(story: Story) -> Iterator[str]:
         f"At {story['moment_s']:.2f} s: mode {story['mode']}, fear {story['fear']:.2f} ({story['level']}),"
         f" {_cause(story)}; speed {speed}, {_allowed(story)}."
     )
-    yield from _waiting(story)
+    yield _said(story)
     yield _sight(story)
     yield from _rules(story, story["rules"])
     yield from _rise(story)
@@ -66,10 +66,9 @@ def _calm(story: Story) -> Iterator[str]:
     yield from _timeline(story)
 
 
-def _waiting(story: Story) -> Iterator[str]:
-    """What a car that stood, or braked to standstill, waited for."""
-    if story["waits_for"]:
-        yield f"The car said: {story['waits_for']}."
+def _said(story: Story) -> str:
+    """What page and terminal showed at the moment."""
+    return f"The car said: {story['said']}."
 
 
 def _sight(story: Story) -> str:
@@ -125,7 +124,7 @@ def _rise(story: Story) -> Iterator[str]:
 def _by_supervisor(story: Story) -> Iterator[str]:
     yield _course(story)
     yield _reason(story)
-    yield from _waiting(story)
+    yield _said(story)
     yield _sight(story)
     yield from _rules(story, [rule for rule in story["rules"] if rule["adds"] > 0])
     yield from _estimates(story)

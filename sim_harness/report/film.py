@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
+from drive.reason import fired
 from perception.estimators import Estimator
 from perception.images.annotate import annotated, with_lane
 from sim_harness.lockstep.closed_loop import Instant, Parts, Result, Witness, build_parts, run
@@ -59,8 +60,8 @@ class Film:
             return
         truth, decision = now.truth, now.decision
         others = zip(truth.traffic_x_m, truth.traffic_y_m, truth.traffic_yaw_rad, strict=True)
-        fired = zip(decision.rules, decision.rule_strengths, strict=True) if decision else ()
-        self.glimpses.append(Glimpse(now.now_s, tuple(others), tuple(fired)))
+        rules = tuple(fired(decision)) if decision else ()
+        self.glimpses.append(Glimpse(now.now_s, tuple(others), rules))
 
     def watching(self, parts: Parts) -> Parts:
         """``parts`` with estimators that also store frames and estimates in this film."""

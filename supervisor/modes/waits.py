@@ -19,7 +19,7 @@ from supervisor.rules.inference import FearRules
 from supervisor.situation.features import DOUBT
 from supervisor.situation.world_state import WorldState
 from trepid.bounds import at_least
-from trepid.causes import Cause, concerning
+from trepid.causes import Cause, in_words, unseen
 from trepid.messages import Losses, Mode, Stop
 from trepid.processes.lateness import RECOVERED
 
@@ -95,7 +95,7 @@ def _calm(v: StartSituation) -> str:
 
 def _cause(v: StartSituation) -> str:
     """The cause of fear, with the measurements that are doubted."""
-    return concerning(v.cause, named(v.world.doubted) if v.cause == Cause.DOUBTED_STATE else "")
+    return in_words(v.cause, named(v.world.doubted) if v.cause == Cause.DOUBTED_STATE else "")
 
 
 def _doubtful(v: StartSituation) -> bool:
@@ -174,18 +174,18 @@ def _bounded(view: StartSituation, halt: Halt) -> str:
     if way.hard or way.cap_mps < standstill_mps:
         return _for_a_road_user(way, halt.now, view.bounds.scale)
     if halt.lead_cap_mps < standstill_mps:
-        return _behind_a_vehicle(view.world.ahead.distance_m, view.bounds)
+        return _behind_a_vehicle(view.world.ahead.distance_m, halt.now, view.bounds)
     if sight.cap_mps < standstill_mps:
-        return f"waits for sight ({sight.cause}): drives on when it is longer than the way of a stop"
-    return f"brakes for fear {view.fear:.2f} ({_cause(view)}): waits for less fear"
+        return f"stops within its sight: {in_words(sight.cause)}; waits for a longer sight"
+    return f"brakes for fear {view.fear:.2f}: {_cause(view)}; waits for less fear"
 
 
 def _brake(halt: Halt) -> str:
     """The words about a brake without a change of mode."""
     if halt.brake is Stop.EMERGENCY:
-        return f"brakes hard for {halt.braked_for}: waits for a speed from which it can stop in time"
+        return f"brakes hard: {in_words(halt.braked_for)}; waits for a speed from which it can stop in time"
     end = f"{RECOVERED} messages in time of {', '.join(sorted(halt.late))}" if halt.late else "a new image"
-    return f"brakes for {halt.braked_for}: waits for {end}"
+    return f"brakes: {in_words(halt.braked_for)}; waits for {end}"
 
 
 def _for_a_road_user(way: Way, now: Conditions, scale: float) -> str:
@@ -193,18 +193,19 @@ def _for_a_road_user(way: Way, now: Conditions, scale: float) -> str:
     brakes = "brakes hard" if way.hard else "waits" if now.standstill else "brakes"
     article = "an" if way.kind[:1] in "aeiou" else "a"
     where = "" if way.ahead_m is None else f", {way.ahead_m * scale:.0f} m ahead"
-    return f"{brakes} for {article} {way.kind}{where}: drives on when the way is free"
+    return f"{brakes} for {article} {way.kind}{where}; drives on when the way is free"
 
 
-def _behind_a_vehicle(gap_m: float | None, bounds: Bounds) -> str:
+def _behind_a_vehicle(gap_m: float | None, now: Conditions, bounds: Bounds) -> str:
     seen = "" if gap_m is None else f", {gap_m * bounds.scale:.1f} m"
     least_m = bounds.follow.standstill_gap_m * bounds.scale
-    return f"waits behind a vehicle{seen}: drives on beyond {least_m:.1f} m"
+    stops = "stopped" if now.standstill else "stops"
+    return f"{stops} behind a vehicle{seen}; drives on beyond {least_m:.1f} m"
 
 
 ENDS = {
     Cause.DRIVER_OVERRIDE.value: "the driver to let go",
-    Cause.STOP_BUTTON.value: "a person to release STOP",
+    Cause.STOP_BUTTON.value: "a person to press Drive on",
     Cause.LOST_PROCESS.value: "the process that is lost",
     Cause.IMAGE_STATISTICS_LOST.value: "the image statistics",
     Cause.LEAD_LOST.value: "the detector of vehicles",
@@ -216,21 +217,25 @@ ENDS = {
 def _stop(view: StartSituation, halt: Halt) -> str:
     """The words about a stop."""
     state, standing, fault = halt.state, halt.now.standstill, halt.now.fault.cause
-    part = f" {state.part}" if state.part else ""
     stop = "emergency stop" if state.stop is Stop.EMERGENCY else "stopped" if standing else "stopping"
-    head = "starting" if state.cause == STARTING and not state.final else f"{stop} for {state.cause}{part}"
+    starting, unseen_s = state.cause == STARTING and not state.final, view.world.fused.unseen_s
+    head = (
+        "starting:"
+        if starting
+        else f"{stop}: {unseen(state.cause, unseen_s) or in_words(state.cause, state.part)};"
+    )
     if state.final:
-        return f"{head}: final; restart the drive"
+        return f"{head} waits for a restart of the drive"
     if not standing and view.world.motion is not None:
         driver = ", or for a driver who hands over" if state.cause == STARTING else ""
-        return f"{head}: waits for standstill{driver}"
-    return f"{head}: {_start(view, halt, fault, view.bounds.modes.reengage_after_s)}"
+        return f"{head} waits for standstill{driver}"
+    return f"{head} {_start(view, halt, fault, view.bounds.modes.reengage_after_s)}"
 
 
 def _start(view: StartSituation, halt: Halt, fault: str, after_s: float | None) -> str:
     """What a standing car waits for before it drives, ``after_s`` without obstacle and fault; None: never."""
     if after_s is None:
-        return "final, as reengage_after_s is null; restart the drive"
+        return "waits for a restart of the drive, as reengage_after_s is null"
     row = None if fault in ENDS else obstacle(view)
     if row is not None:
         return f"waits for {row.waits_for(view)}"

@@ -73,6 +73,7 @@ class Fused(NamedTuple):
     # the part beyond what both state to know, times their share (:func:`_disagreement`); 0 with fewer than two
     weighted_disagreement_mps2: float
     weighted_separation_m: float  # likewise of two lateral offsets, the least over ``lasting_s``
+    unseen_s: float = math.inf  # since the newest frame with a fused lane; inf: none so far
 
 
 class WeightedLane(NamedTuple):
@@ -165,6 +166,7 @@ class Fusion:
             disagreement_mps2=None if raw_1pm is None else raw_1pm * speed2,
             weighted_disagreement_mps2=weighted_1pm * speed2,
             weighted_separation_m=separation_m,
+            unseen_s=at_least(now_s - self._memory.seen_s, 0.0),
         )
 
     def _lasting_m(self, now: Apart) -> float:

@@ -14,7 +14,7 @@ REPORTED = f"process supervisor: warn: {KEPT}"
 
 
 def test_without_a_terminal_each_new_warning_of_a_process_is_one_line(capsys):
-    log = SimpleNamespace(waiting="", truth=None, state=None, decision=None, waits_for="", diagnostics={})
+    log = SimpleNamespace(waiting="", truth=None, state=None, decision=None, reason="", diagnostics={})
     beats = [
         (Health.OK, "ready"),
         (Health.WARN, KEPT),
@@ -53,7 +53,7 @@ def test_the_words_of_a_process_are_text_and_no_markup(capsys):
         truth=None,
         state=None,
         decision=None,
-        waits_for="the car says why it stands",
+        reason="the car says why it stands",
         diagnostics={"camera": beat},
         now_s=lambda: 1.0,
     )
@@ -63,4 +63,4 @@ def test_the_words_of_a_process_are_text_and_no_markup(capsys):
     console.print(status(log, SimpleNamespace(children={"camera": child}), elapsed_s=1.0))
     console.print(summary(row))
     printed = capsys.readouterr().out
-    assert printed.count(words) == 3 and printed.count(log.waits_for) == 1
+    assert printed.count(words) == 3 and printed.count(log.reason) == 1

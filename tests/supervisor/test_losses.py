@@ -75,6 +75,6 @@ def test_a_car_that_a_person_stops_says_so_and_drives_on_after_the_release() -> 
     assert (moving.mode, moving.stop, moving.cause) == (Mode.STOP, Stop.COMFORT, "stop_button")
     drive.speed_mps = 0.0
     assert (
-        drive.last(9.0, state=held).waits_for == "stopped for stop_button: waits for a person to release STOP"
+        drive.last(9.0, state=held).waits_for == "stopped: STOP pressed; waits for a person to press Drive on"
     )
     assert drive.last(SETTINGS.modes.reengage_after_s + 0.2).mode is Mode.KEEP  # type: ignore[operator]

@@ -52,7 +52,7 @@ def test_the_car_waits_with_a_cause_and_drives_on_when_the_way_is_free() -> None
     drive.speed_mps = 0.0
     waits = drive.last(5.0, road_users=person(4.0, 0.3))
     assert waits.speed_cap_mps == 0 and waits.mode is Mode.CAUTION and waits.cause == "person"
-    assert waits.waits_for == "waits for a person, 2 m ahead: drives on when the way is free"
+    assert waits.waits_for == "waits for a person, 2 m ahead; drives on when the way is free"
     assert drive.last(S.free_s / 2, road_users=NOBODY).speed_cap_mps == 0
     assert drive.last(S.free_s, road_users=NOBODY).speed_cap_mps > 0
     gone = drive.last(4.0, road_users=NOBODY)
@@ -82,7 +82,7 @@ def test_a_detector_that_falls_silent_stops_the_car_for_good_and_is_the_cause() 
     decision = drive.last(1.0)
     assert (decision.mode, decision.cause) == (Mode.STOP, "road_users_lost")
     drive.speed_mps = 0.0
-    assert "final" in drive.last(5.0, road_users=NOBODY).waits_for
+    assert drive.last(5.0, road_users=NOBODY).waits_for.endswith("waits for a restart of the drive")
 
 
 @pytest.mark.parametrize("broken", [{"x_m": (float("nan"),)}, {"confidences": (2.0,)}, {"y_m": ()}])

@@ -6,7 +6,7 @@ as without the dead man's switch. A request stays in force when its sender ends.
 
 from trepid.messages import Command, StopRequest, VehicleState
 
-STOPPED = "stopped: STOP pressed; release it on the page"
+STOPPED = "stopped: STOP pressed; waits for a person to press Drive on"
 """Beginning of the message of the heartbeat while the button holds the car."""
 OLDEST_S = 1.0  # an older release is not heard
 

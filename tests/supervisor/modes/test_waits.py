@@ -44,12 +44,12 @@ def first(drive: Drive, **messages: Any) -> str:
         ),
         (
             {"statistics": None},
-            "starting: waits for 2.0 s of fear of at most 0.62 (now 1.00: image_statistics_lost)",
+            "starting: waits for 2.0 s of fear of at most 0.62 (now 1.00: no image statistics)",
         ),
-        ({"statistics": DIM}, "starting: waits for 2.0 s of fear of at most 0.62 (now 0.75: dark)"),
+        ({"statistics": DIM}, "starting: waits for 2.0 s of fear of at most 0.62 (now 0.75: dark image)"),
         (
             {"state": replace(STATE, road_wheel_angle_rad=None, doubted=("road_wheel_angle_rad",))},
-            "starting: waits for 2.0 s of fear of at most 0.62 (now 1.00: doubted_state (wheel angle))",
+            "starting: waits for 2.0 s of fear of at most 0.62 (now 1.00: doubted measurement (wheel angle))",
         ),
         (
             {"state": replace(STATE, driver_override=True)},
@@ -89,7 +89,7 @@ def test_a_stop_for_a_measurement_keeps_the_name_of_it() -> None:
     doubted = replace(STATE, road_wheel_angle_rad=None, doubted=("road_wheel_angle_rad",))
     stopping = drive.last(2.0, state=doubted)
     assert (stopping.cause, stopping.part) == ("doubted_state", "wheel angle")
-    assert stopping.waits_for == "stopping for doubted_state wheel angle: waits for standstill"
+    assert stopping.waits_for == "stopping: doubted measurement (wheel angle); waits for standstill"
     again = drive.last(0.2)
     assert (again.cause, again.part) == ("doubted_state", "wheel angle")
 
@@ -101,7 +101,7 @@ def test_a_car_that_starts_on_the_move_waits_for_standstill_or_a_driver() -> Non
 @pytest.mark.parametrize("lost", ["cv", "cnn"])
 def test_a_stop_for_a_lost_estimator_names_it_and_is_final_also_when_it_is_back(lost: str) -> None:
     drive = Drive.under_way()
-    words = f"stopping for lost_estimator {lost}: final; restart the drive"
+    words = f"stopping: late or lost estimator ({lost}); waits for a restart of the drive"
     assert drive.last(0.6, **{lost: None}).waits_for == words
     drive.speed_mps = 0.0
     assert drive.last(4.0).waits_for == words.replace("stopping", "stopped")
@@ -109,24 +109,24 @@ def test_a_stop_for_a_lost_estimator_names_it_and_is_final_also_when_it_is_back(
 
 def test_an_emergency_stop_is_named_as_such() -> None:
     drive = Drive.under_way()
-    assert drive.last(0.9, **SILENT).waits_for == "emergency stop for stale_data: final; restart the drive"
+    assert drive.last(0.9, **SILENT).waits_for == "emergency stop: no new image; waits for a restart of the drive"
 
 
 def test_a_stop_for_fear_waits_for_standstill_and_then_for_less_fear() -> None:
     drive = Drive.under_way()
     blind = {"statistics": DIM, "cv": replace(ESTIMATE, confidence=0.2), "cnn": UNSURE}
     stopping = drive.last(0.8, **blind)
-    assert (stopping.mode, stopping.waits_for) == (Mode.STOP, "stopping for dark: waits for standstill")
+    assert (stopping.mode, stopping.waits_for) == (Mode.STOP, "stopping: dark image; waits for standstill")
     drive.speed_mps = 0.0
     waits = drive.last(0.2, **blind).waits_for
-    assert waits.startswith("stopped for dark: waits for 2.0 s of fear of at most 0.62 (now ")
+    assert waits.startswith("stopped: dark image; waits for 2.0 s of fear of at most 0.62 (now ")
 
 
 def test_a_car_behind_a_standing_vehicle_names_the_gap_and_the_one_at_which_it_drives_on() -> None:
     drive = Drive.under_way()
     drive.speed_mps = 0.0
     words = drive.last(2.0, lead=HALTED).waits_for
-    assert words == "waits behind a vehicle, 2.7 m: drives on beyond 3.0 m"
+    assert words == "stopped behind a vehicle, 2.7 m; drives on beyond 3.0 m"
 
 
 def test_the_gap_is_that_of_a_small_car_in_its_own_world() -> None:
@@ -136,14 +136,14 @@ def test_the_gap_is_that_of_a_small_car_in_its_own_world() -> None:
     seen = scaled_message(ESTIMATE, 0.1)
     assert drive.last(2.4, cv=seen, cnn=seen).waits_for == ""
     words = drive.last(2.0, cv=seen, cnn=seen, lead=scaled_message(HALTED, 0.1)).waits_for
-    assert words == "waits behind a vehicle, 0.3 m: drives on beyond 0.3 m"
+    assert words == "stopped behind a vehicle, 0.3 m; drives on beyond 0.3 m"
 
 
 def test_a_car_that_brakes_for_late_messages_names_their_senders() -> None:
     drive = Drive.under_way()
     late = [drive.frame(cv=None) for _ in range(6)]
     braking = next(d for d in late if d.stop is Stop.COMFORT and d.mode is not Mode.STOP)
-    assert braking.waits_for == "brakes for lost_estimator: waits for 3 messages in time of cv"
+    assert braking.waits_for == "brakes: late or lost estimator; waits for 3 messages in time of cv"
 
 
 def test_senders_are_named_in_one_order_so_that_a_replay_repeats_the_words() -> None:
