@@ -134,7 +134,7 @@ class Supervisor:
         self._lateness = Lateness(settings.validation.late)
         self._watchdog = Watchdog(settings.validation, frames_s=settings.modes.comfort_stop_age_s)
         self._doubts = Doubts(settings.modes)
-        self._bounds = Bounds(settings.modes, settings.validation, settings.follow, 1 / enlargement)
+        self._bounds = Bounds(settings.modes, settings.validation, 1 / enlargement)
         self._mode = ModeState.initial()
         self._speed = SpeedFactor(settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)

@@ -19,6 +19,7 @@ from trepid.processes.timing import APPLIES
 from trepid.topics import (
     CAMERA_COMPRESSED,
     CAMERA_IMAGE,
+    COMMAND,
     DECISION,
     DIAGNOSTICS,
     LEAD_VEHICLE,
@@ -84,11 +85,13 @@ class Feed:
         self._estimates = {name: WatchedTopic(bus, estimate_topic(name)) for name in estimators}
         self.state, self.truth = WatchedTopic(bus, VEHICLE_STATE), WatchedTopic(bus, SIM_TRUTH)
         self.lead, self.road_users = WatchedTopic(bus, LEAD_VEHICLE), WatchedTopic(bus, ROAD_USERS)
+        self.command = WatchedTopic(bus, COMMAND)
         self._drive = (self._decision, self.state, self.truth)  # what timelines and path need
         self._shown = (
             self._pictures,
             self.lead,
             self.road_users,
+            self.command,
             *self._estimates.values(),
         )  # what only a viewer needs
         self.decisions: deque[Decision] = deque(maxlen=REMEMBERED)

@@ -88,6 +88,7 @@ async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> Non
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(hub.wanted.wait(), pause_s)
             hub.wanted.clear()
+        await page.end()
         server.ended.set()
         await serving
 

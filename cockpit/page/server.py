@@ -7,6 +7,7 @@ The record button of the page keeps the last minutes as one recording, as ``trep
 """
 
 import asyncio
+import contextlib
 import json
 import secrets
 import time
@@ -66,7 +67,7 @@ HEADERS = {
     "cache-control": "no-cache",
 }
 GREETING_S = 5.0  # in which a viewer gives its token
-WRONG_TOKEN, WRONG_ORIGIN, TOO_MANY = 4401, 4403, 4429
+WRONG_TOKEN, WRONG_ORIGIN, DRIVE_ENDED, TOO_MANY = 4401, 4403, 4410, 4429
 """Codes that end a stream."""
 MAX_BODY = 2**19
 Acts = Callable[[Request], Awaitable[Response]]
@@ -106,6 +107,7 @@ class PageServer:
     def __init__(self, door: PageDoor, hub: Hub, stop: StopSender, desk: RuleDesk, keeping: KeepDesk) -> None:
         self._door, self._hub, self._stop, self._desk = door, hub, stop, desk
         self._keeping, self._one_at_a_time = keeping, asyncio.Lock()
+        self._streams: set[WebSocket] = set()
         self._hosts = {f"{name}:{door.port}" for name in ("127.0.0.1", "localhost", "[::1]", door.host)}
 
     def application(self) -> Starlette:
@@ -167,6 +169,7 @@ class PageServer:
             await socket.close(code)
             return
         viewer = Viewer()
+        self._streams.add(socket)
         self._hub.viewers.add(viewer)
         self._hub.wanted.set()
         sender = asyncio.create_task(_send_all(socket, viewer))
@@ -177,8 +180,15 @@ class PageServer:
         except (WebSocketDisconnect, KeyError):  # KeyError: a frame that is no text
             pass
         finally:
+            self._streams.discard(socket)
             self._hub.viewers.discard(viewer)
             sender.cancel()
+
+    async def end(self) -> None:
+        """End every stream, because the drive has ended."""
+        for socket in tuple(self._streams):
+            with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it has just been closed
+                await socket.close(DRIVE_ENDED)
 
     async def _greeted(self, socket: WebSocket) -> int:
         """The code that ends the stream of a viewer without the token; 0 for one with it."""

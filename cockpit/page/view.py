@@ -8,10 +8,12 @@ from cockpit.page.feed import Feed
 from cockpit.page.history import PathHistory, Timelines
 from cockpit.page.overlay import overlay
 from cockpit.page.stop import Hold
+from drive.reason import fired, reason
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
+from trepid.causes import concerning, in_words
 from trepid.messages import CompressedFrame, Decision, SteeringEstimate, Timing
-from trepid.processes.register import PROCESS
+from trepid.processes.register import PROBLEMS, PROCESS
 from vehicle.driver.stop_button import STOPPED
 
 FRESH_S = 1.0  # older messages are not shown as the present
@@ -78,10 +80,12 @@ class PageView:
         return {
             "now": now_s,
             **self._of_drive,
-            "says": "" if report is None else report.message,
+            "says": "" if report is None else dict(report.values).get(PROBLEMS, report.message),
+            "because": reason(
+                decision, command=feed.command.refresh(), driver=bool(state and state.driver_override)
+            ),
             "held": hold is not None and hold.held,
             "speed": None if state is None else state.speed_mps,
-            "override": bool(state and state.driver_override),
             "true_error": self.track.true,
             "decision": None if decision is None else _decision(decision),
             "estimates": {name: _estimate(list(of_one), now_s) for name, of_one in feed.estimates.items()},
@@ -147,16 +151,15 @@ def _fresh_decision(decision: Decision | None, now_s: float) -> Decision | None:
 
 
 def _decision(decision: Decision) -> dict[str, Any]:
-    fired = zip(decision.rules, decision.rule_strengths, strict=False)
     return {
         "mode": decision.mode,
         "stop": decision.stop,
         "fear": decision.fear,
         "level": decision.level,
         "cause": decision.cause,
-        "waits": decision.waits_for,
-        "part": decision.part,
-        "rules": [[text, round(strength, 3)] for text, strength in fired][:RULES_SHOWN],
+        "concerning": concerning(decision.cause, decision.part),
+        "cause_words": in_words(decision.cause, decision.part),
+        "rules": [[text, round(strength, 3)] for text, strength in fired(decision)][:RULES_SHOWN],
         "inputs": dict(zip(decision.inputs, decision.input_values, strict=False)),
         "cap": decision.speed_cap_mps,
         "source": decision.path_source,

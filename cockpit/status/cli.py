@@ -16,14 +16,13 @@ if TYPE_CHECKING:
 COLUMNS = {
     "name": "name",
     "pid": "pid",
-    "alive": "alive",
     "rate_hz": "Hz",
     "age_s": "age s",
     "cpu_percent": "cpu %",
     "restarts": "restarts",
     "message": "message",
 }
-"""Field of a process -> heading: short ones, so that 80 columns leave room for the message."""
+"""Field of a process -> heading: short ones, without `alive`, so that 80 columns leave room."""
 MESSAGE_WIDTH = 20  # at least; a longer message is wrapped
 
 
@@ -77,9 +76,14 @@ def table(found: "list[State]") -> "Table":
         else:
             made.add_column(heading, justify="left" if name == "name" else "right", no_wrap=True)
     for state in found:
-        cells = ["-" if state.row[name] is None else str(state.row[name]) for name in COLUMNS]
+        row = state.row if state.row["alive"] else state.row | {"message": _not_running(state.row["message"])}
+        cells = ["-" if row[name] is None else str(row[name]) for name in COLUMNS]
         made.add_row(*map(Text, cells), style="red" if state.problem else None)
     return made
+
+
+def _not_running(message: str) -> str:
+    return f"not running: {message}" if message else "not running"
 
 
 def service(

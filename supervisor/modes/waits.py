@@ -13,7 +13,6 @@ from supervisor.inputs.validation import ValidationSettings
 from supervisor.modes.analyser import named
 from supervisor.modes.doubts import Conditions
 from supervisor.modes.modes import STARTING, ModeSettings, ModeState
-from supervisor.path.follow import FollowSettings
 from supervisor.path.giving_way import Way
 from supervisor.rules.inference import FearRules
 from supervisor.situation.features import DOUBT
@@ -29,7 +28,6 @@ class Bounds(NamedTuple):
 
     modes: ModeSettings
     validation: ValidationSettings
-    follow: FollowSettings
     scale: float  # of the world of the car relative to that of these settings
 
 
@@ -174,7 +172,7 @@ def _bounded(view: StartSituation, halt: Halt) -> str:
     if way.hard or way.cap_mps < standstill_mps:
         return _for_a_road_user(way, halt.now, view.bounds.scale)
     if halt.lead_cap_mps < standstill_mps:
-        return _behind_a_vehicle(view.world.ahead.distance_m, halt.now, view.bounds)
+        return _behind_a_vehicle(view.world.ahead.distance_m, halt.now, view.bounds.scale)
     if sight.cap_mps < standstill_mps:
         return f"stops within its sight: {in_words(sight.cause)}; waits for a longer sight"
     return f"brakes for fear {view.fear:.2f}: {_cause(view)}; waits for less fear"
@@ -196,11 +194,10 @@ def _for_a_road_user(way: Way, now: Conditions, scale: float) -> str:
     return f"{brakes} for {article} {way.kind}{where}; drives on when the way is free"
 
 
-def _behind_a_vehicle(gap_m: float | None, now: Conditions, bounds: Bounds) -> str:
-    seen = "" if gap_m is None else f", {gap_m * bounds.scale:.1f} m"
-    least_m = bounds.follow.standstill_gap_m * bounds.scale
+def _behind_a_vehicle(gap_m: float | None, now: Conditions, scale: float) -> str:
+    seen = "" if gap_m is None else f", {gap_m * scale:.1f} m"
     stops = "stopped" if now.standstill else "stops"
-    return f"{stops} behind a vehicle{seen}; drives on beyond {least_m:.1f} m"
+    return f"{stops} behind a vehicle{seen}; waits for it to drive on"
 
 
 ENDS = {

@@ -16,7 +16,7 @@ def command(target_mps: float, t_s: float | None = 1.0) -> Command:
     return Command(t_s=t_s, road_wheel_angle_rad=0.0, speed_mps=target_mps, accel_mps2=0.0)
 
 
-WAITS = "stopped behind a vehicle, 2.7 m; drives on beyond 3.0 m"
+WAITS = "stopped behind a vehicle, 2.7 m; waits for it to drive on"
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CONFIG_DIR, ROOT
 from trepid.messages import (
+    Command,
     CompressedFrame,
     Diagnostic,
     Health,
@@ -38,6 +39,7 @@ from trepid.processes.register import PROCESS
 from trepid.processes.settings import LAUNCHER, ProcessSpec
 from trepid.topics import (
     CAMERA_COMPRESSED,
+    COMMAND,
     DECISION,
     DIAGNOSTICS,
     LEAD_VEHICLE,
@@ -83,6 +85,7 @@ class Scene:
         self.speed_mps: float | None = 7.14
         self.confidence = {"cv": 0.91, "cnn": 0.42}
         self.lead_m: float | None = 23.4
+        self.target_mps: float | None = None  # of the commands; None: no command
         self.grey = 60
         self.error_m = 0.07
         self.restarts = 3
@@ -100,7 +103,16 @@ class Publisher:
         self._bus, self._clock, self.scene = bus, clock, scene
         self.button, self.requests = StopButton(standstill_mps=0.05), 0
         self._request = bus.latest(STOP_REQUEST)
-        topics = (CAMERA_COMPRESSED, DECISION, DIAGNOSTICS, LEAD_VEHICLE, SIM_TRUTH, TIMING, VEHICLE_STATE)
+        topics = (
+            CAMERA_COMPRESSED,
+            COMMAND,
+            DECISION,
+            DIAGNOSTICS,
+            LEAD_VEHICLE,
+            SIM_TRUTH,
+            TIMING,
+            VEHICLE_STATE,
+        )
         self._send = {topic.key: bus.publisher(topic) for topic in topics}
         self._estimates = {name: bus.publisher(estimate_topic(name)) for name in ESTIMATORS}
         self._ended = threading.Event()
@@ -150,7 +162,11 @@ class Publisher:
         send[LEAD_VEHICLE.key](
             LeadVehicle(t_s=now_s, distance_m=scene.lead_m, lateral_m=0.0, speed_mps=5.0, confidence=0.9)
         )
-        send[DECISION.key](decision(now_s, **{**scene.decision, **scene.path}))
+        send[DECISION.key](decision(now_s, **{"t_s": now_s, **scene.decision, **scene.path}))
+        if scene.target_mps is not None:
+            send[COMMAND.key](
+                Command(t_s=now_s, road_wheel_angle_rad=0.0, speed_mps=scene.target_mps, accel_mps2=0.0)
+            )
         if self._turn % 2 == 0:
             send[CAMERA_COMPRESSED.key](CompressedFrame(t_s=now_s, jpeg=scene.picture or jpeg(scene.grey)))
         if self._turn % 10 == 0:

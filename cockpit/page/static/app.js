@@ -8,7 +8,7 @@ import { StopButton } from "./stop.js";
 import { KeepButton } from "./keep.js";
 import { tabs } from "./tabs.js";
 
-const WRONG_TOKEN = 4401, WRONG_ORIGIN = 4403, TOO_MANY = 4429;
+const WRONG_TOKEN = 4401, WRONG_ORIGIN = 4403, TOO_MANY = 4429, ENDED = 4410;
 const SILENT_MS = 1500, FIRST_RETRY_MS = 250, LAST_RETRY_MS = 2000, NOTICE_MS = 60000;
 const element = id => document.getElementById(id);
 
@@ -40,7 +40,7 @@ const glass = []; // from capture to picture on the glass [ms], where the clocks
 window.trepid = { glass, messages: 0, firstPicture: null };
 tabs(shown => shown === "rules" && rules.open());
 
-let retry = FIRST_RETRY_MS, heard = 0, refused = "", drive = null, lost = 0;
+let retry = FIRST_RETRY_MS, heard = 0, refused = "", drive = null, lost = 0, driven = 0, ended = "";
 
 function connection(text, well) {
   const shown = element("connection");
@@ -65,8 +65,9 @@ function found(state) {
 
 function lose(text) {
   if (drive !== null) lost ||= performance.now();
-  connection(text, false);
-  panels.nothing(text);
+  connection(ended ? "drive ended" : text, false);
+  if (ended) panels.nothing(ended, "ENDED");
+  else panels.nothing(text);
 }
 
 function unpack(buffer) {
@@ -95,6 +96,8 @@ async function receive(socket, buffer) {
 
 function draw(state, picture) {
   connection("live", true);
+  driven = state.driven;
+  ended = "";
   if (lost || drive !== state.drive) found(state);
   panels.show(state);
   stop.show(state);
@@ -127,6 +130,7 @@ function connect() {
       lose(refused);
       return;
     }
+    if (code === ENDED) ended = `drive ended at ${new Date().toLocaleTimeString([], { hour12: false })}, after ${driven.toFixed(0)} m; start the next with trepid drive`;
     lose(code === TOO_MANY ? "too many viewers" : "no connection to the drive");
     setTimeout(connect, retry);
     retry = Math.min(2 * retry, LAST_RETRY_MS);

@@ -27,11 +27,12 @@ export class Panels {
     element("ticks").append(line, text);
   }
 
-  nothing(why) {
-    this.mode("NONE", "NO DATA", why);
+  nothing(why, word = "NO DATA") {
+    this.mode("NONE", word, why);
     this.fear(null);
     for (const id of ["speed", "cap", "sight"]) put(id, "–");
     put("sight-cause", "");
+    put("says", "");
   }
 
   show(state) {
@@ -46,7 +47,7 @@ export class Panels {
     put("source", decision?.source ?? "none");
     if (state.held || (state.stopping && !state.stop_undelivered)) this.mode("STOP", "STOP", state.held ? state.holding : "stop button pressed");
     else if (!decision) this.mode("NONE", "NO DATA", "no decision of the supervisor");
-    else this.mode(decision.mode, decision.mode, reason(decision, state));
+    else this.mode(decision.mode, decision.mode, state.because);
     this.fear(decision);
     this.firing(decision?.rules ?? []);
     this.processes(state.processes);
@@ -56,7 +57,7 @@ export class Panels {
     element("banner").dataset.mode = kind;
     put("mode", word);
     put("because", because);
-    const said = kind === "NONE" ? `No data: ${because}` : `Mode ${word}. ${kind === "KEEP" ? "" : because}`;
+    const said = kind === "NONE" ? `${word}: ${because}` : `Mode ${word}. ${because}`;
     const headline = kind === "NONE" ? "none" : word;
     if (headline !== this.said) put("announce", said); // a change of mode is spoken, not every number
     this.said = headline;
@@ -66,6 +67,9 @@ export class Panels {
   fear(decision) {
     const dial = element("dial"), value = decision ? decision.fear : null;
     put("fear", number(value, 2));
+    put("fear-now", number(value, 2));
+    put("fear-level", decision ? words(decision.level) : "");
+    element("fear-figure").dataset.level = decision?.level ?? "";
     put("level", decision ? words(decision.level) : "not known");
     put("cause", decision ? cause(decision) : "");
     dial.dataset.level = decision?.level ?? "";
@@ -102,15 +106,7 @@ export class Panels {
 }
 
 function cause(decision) {
-  if (decision.cause === "none") return "calm";
-  return `because of ${words(decision.cause)}${decision.part ? ` (${words(decision.part)})` : ""}`;
-}
-
-function reason(decision, state) {
-  if (state.override) return "the driver has the car";
-  if (decision.waits) return words(decision.waits);
-  const stop = decision.stop === "none" ? "" : `${decision.stop} stop, `;
-  return stop + cause(decision);
+  return decision.cause === "none" ? "no rule raises it" : `${decision.cause_words} · ${decision.concerning}`;
 }
 
 function rule() {

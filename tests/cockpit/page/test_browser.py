@@ -19,7 +19,7 @@ from sim_harness.lockstep.closed_loop import Instant, run
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import ROOT
 from trepid.images.jpeg import encoded
-from trepid.messages import Mode, Stop
+from trepid.messages import Limit, Mode, Stop
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording
 from trepid.topics import DECISION
@@ -121,25 +121,78 @@ def test_the_page_shows_what_is_published(seen):
 @pytest.mark.parametrize(
     ("change", "word", "because"),
     [
-        (dict(mode=Mode.CAUTION, cause="darkness", fear=0.5), "CAUTION", "because of darkness"),
+        (dict(mode=Mode.CAUTION, cause="dark", fear=0.5), "CAUTION", "at most 5.0 m/s: dark image"),
+        (dict(limited_by=Limit.LEAD, lead_m=23.4), "KEEP", "following the vehicle ahead, 23 m"),
+        (dict(limited_by=Limit.CRUISE), "KEEP", "at most 5.0 m/s: cruise speed"),
         (
             dict(mode=Mode.STOP, stop=Stop.EMERGENCY, cause="lost_camera", part="camera"),
             "STOP",
-            "emergency stop, because of lost camera (camera)",
+            "emergency stop: lost camera (camera)",
         ),
         (
             dict(mode=Mode.CAUTION, cause="doubted_state", part="yaw rate", fear=0.5),
             "CAUTION",
-            "because of doubted state (yaw rate)",
+            "at most 5.0 m/s: doubted measurement (yaw rate)",
         ),
-        (dict(mode=Mode.FOLLOW, cause="no_path"), "FOLLOW", "because of no path"),
+        (dict(mode=Mode.FOLLOW, cause="no_path"), "FOLLOW", "following the vehicle ahead: no path"),
     ],
 )
 def test_the_banner_names_mode_and_cause_and_a_change_is_spoken(seen, change, word, because):
     seen.scene.decision = {**seen.scene.decision, **change}
     assert seen.becomes("mode", word) and seen.becomes("because", because)
-    assert seen.text("announce") == f"Mode {word}. {because}"
+    assert word == "KEEP" or seen.text("announce") == f"Mode {word}. {because}"
     assert seen.js("return document.title").startswith(word)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "mobile"), [(1280, 900, False), (390, 844, True), (844, 390, True)]
+)
+def test_mode_reason_fear_and_stop_stay_in_sight_however_far_the_page_is_scrolled(
+    seen, width, height, mobile
+):
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile}
+    seen.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    words = "stopped: late or lost estimator (cv); waits for a restart of the drive"
+    seen.scene.decision = {**seen.scene.decision, "mode": Mode.STOP, "waits_for": words, "fear": 1.0}
+    try:
+        assert seen.becomes("because", words) and seen.becomes("fear-now", "1.00")
+        seen.js("window.scrollTo(0, document.body.scrollHeight)")
+        assert until(lambda: seen.js("return window.scrollY") > 200, patience_s=PATIENCE_S)
+        for name in ("mode", "because", "fear-now", "fear-level", "stop"):
+            box = seen.js(f"return document.getElementById('{name}').getBoundingClientRect().toJSON()")
+            assert 0 <= box["top"] < box["bottom"] <= height and 0 <= box["left"] < box["right"] <= width, (
+                name
+            )
+            middle = (box["left"] + box["right"]) / 2, (box["top"] + box["bottom"]) / 2
+            on_top = """const [x, y, name] = arguments;
+                        return document.getElementById(name).contains(document.elementFromPoint(x, y))"""
+            assert seen.js(on_top, *middle, name), f"something covers {name}"
+    finally:
+        seen.js("window.scrollTo(0, 0)")
+        seen.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+@pytest.mark.parametrize(("width", "mobile"), [(1280, False), (390, True)])
+def test_a_message_of_eighty_letters_has_a_column_of_at_least_thirty(seen, width, mobile):
+    size = {"width": width, "height": 844, "deviceScaleFactor": 1, "mobile": mobile}
+    seen.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    measure = """const cell = document.querySelector('#processes tbody tr:last-child td:last-child');
+                 const style = getComputedStyle(cell), canvas = document.createElement('canvas').getContext('2d');
+                 canvas.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+                 return [cell.clientWidth, canvas.measureText('n'.repeat(30)).width, cell.scrollWidth];"""
+    try:
+        assert until(lambda: seen.js("return window.innerWidth") == width, patience_s=PATIENCE_S)
+        wide, needed, scrolled = seen.js(measure)
+        assert wide >= needed and scrolled <= wide
+    finally:
+        seen.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_a_bend_is_known_by_the_commanded_speed_and_a_driver_comes_first(seen):
+    seen.scene.target_mps = 4.1
+    assert seen.becomes("because", "at most 4.1 m/s: bend")
+    seen.scene.target_mps = None
+    assert seen.becomes("because", "at most 5.0 m/s")
 
 
 def test_the_word_of_the_mode_is_legible_from_three_metres(seen):
@@ -278,7 +331,7 @@ def test_the_page_survives_the_restart_of_its_server_and_of_the_drive(seen):
 def test_the_page_survives_the_restart_of_the_whole_drive_and_says_so(seen):
     """Another launcher, bus and clock; the address stays, because port and token do."""
     seen.page.stop()
-    assert seen.becomes("mode", "NO DATA")
+    assert seen.becomes("mode", "ENDED")
     try:
         with (
             LivePage(seen.page.rules, seen.page.door, what="another drive") as page,
@@ -298,11 +351,22 @@ def test_the_page_survives_the_restart_of_the_whole_drive_and_says_so(seen):
 
 
 def test_after_a_lost_connection_the_page_says_that_it_is_connected_again(seen):
+    os.kill(seen.page.pid, signal.SIGKILL)
     seen.page.stop()
     assert seen.becomes("mode", "NO DATA")
     seen.page.start()
     assert seen.becomes("mode", "KEEP")
     assert seen.text("notice").startswith("Connected again at ")
+
+
+def test_a_drive_that_ends_says_so_until_the_next_one_begins(seen):
+    seen.page.stop()
+    assert seen.becomes("mode", "ENDED") and seen.becomes("connection", "drive ended")
+    assert seen.text("because").startswith("drive ended at ")
+    time.sleep(3.0)  # the page tries to connect again meanwhile
+    assert seen.text("mode") == "ENDED" and seen.text("fear-now") == "–"
+    seen.page.start()
+    assert seen.becomes("mode", "KEEP")
 
 
 def test_a_page_that_fails_to_draw_says_so_and_still_receives(seen):

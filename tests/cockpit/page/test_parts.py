@@ -16,6 +16,7 @@ from cockpit.page.hub import HEADER, Hub, Viewer, packed
 from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px, people_px
 from cockpit.page.stop import RELEASE_S, REPEAT_S, UNDELIVERED_S, StopSender
 from cockpit.page.view import LATE_BEAT_S, PageView
+from drive.reason import DRIVER, NO_DECISION
 from trepid.bus import Bus
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -215,7 +216,7 @@ def test_a_viewer_gets_every_topic_from_its_first_turn_on_and_none_stays_after_i
     viewer = Viewer()
     hub.viewers.add(viewer)
     hub.turn()
-    assert len(air.open) == len(set(air.open)) == 7 and CAMERA_COMPRESSED.key in air.open
+    assert len(air.open) == len(set(air.open)) == 8 and CAMERA_COMPRESSED.key in air.open
     hub.viewers.discard(viewer)
     for _ in range(4):
         air.now_s += hub.turn()
@@ -341,9 +342,9 @@ def test_the_time_from_frame_to_actuator_is_absent_when_no_frame_is_applied_any_
 def test_the_driver_has_the_car_only_by_a_present_state():
     air, _, view, _ = idle_page()
     view._feed.state.message = state(air.now_s, speed_mps=4.0, driver_override=True)
-    assert view.state(air.now_s)["override"]
+    assert view.state(air.now_s)["because"] == DRIVER
     shown = view.state(air.now_s + 2.0)
-    assert (shown["override"], shown["speed"]) == (False, None)
+    assert (shown["because"], shown["speed"]) == (NO_DECISION, None)
 
 
 def test_the_banner_gets_what_a_standing_car_waits_for_and_the_words_of_the_stop_button():
@@ -351,4 +352,4 @@ def test_the_banner_gets_what_a_standing_car_waits_for_and_the_words_of_the_stop
     words = "starting: waits for the estimate of cnn (none for 3.1 s)"
     view._feed.decisions.append(decision(t_s=air.now_s, decided_s=air.now_s, waits_for=words))
     shown = view.state(air.now_s)
-    assert (shown["decision"]["waits"], shown["holding"]) == (words, STOPPED)
+    assert (shown["because"], shown["holding"]) == (words, STOPPED)

@@ -122,11 +122,11 @@ def test_a_stop_for_fear_waits_for_standstill_and_then_for_less_fear() -> None:
     assert waits.startswith("stopped: dark image; waits for 2.0 s of fear of at most 0.62 (now ")
 
 
-def test_a_car_behind_a_standing_vehicle_names_the_gap_and_the_one_at_which_it_drives_on() -> None:
+def test_a_car_behind_a_standing_vehicle_names_the_gap_and_waits_for_it_to_drive_on() -> None:
     drive = Drive.under_way()
     drive.speed_mps = 0.0
     words = drive.last(2.0, lead=HALTED).waits_for
-    assert words == "stopped behind a vehicle, 2.7 m; drives on beyond 3.0 m"
+    assert words == "stopped behind a vehicle, 2.7 m; waits for it to drive on"
 
 
 def test_the_gap_is_that_of_a_small_car_in_its_own_world() -> None:
@@ -136,7 +136,7 @@ def test_the_gap_is_that_of_a_small_car_in_its_own_world() -> None:
     seen = scaled_message(ESTIMATE, 0.1)
     assert drive.last(2.4, cv=seen, cnn=seen).waits_for == ""
     words = drive.last(2.0, cv=seen, cnn=seen, lead=scaled_message(HALTED, 0.1)).waits_for
-    assert words == "stopped behind a vehicle, 0.3 m; drives on beyond 0.3 m"
+    assert words == "stopped behind a vehicle, 0.3 m; waits for it to drive on"
 
 
 def test_a_car_that_brakes_for_late_messages_names_their_senders() -> None:
