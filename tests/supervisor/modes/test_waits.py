@@ -109,7 +109,10 @@ def test_a_stop_for_a_lost_estimator_names_it_and_is_final_also_when_it_is_back(
 
 def test_an_emergency_stop_is_named_as_such() -> None:
     drive = Drive.under_way()
-    assert drive.last(0.9, **SILENT).waits_for == "emergency stop: no new image; waits for a restart of the drive"
+    assert (
+        drive.last(0.9, **SILENT).waits_for
+        == "emergency stop: no new image; waits for a restart of the drive"
+    )
 
 
 def test_a_stop_for_fear_waits_for_standstill_and_then_for_less_fear() -> None:
