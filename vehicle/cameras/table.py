@@ -16,6 +16,7 @@ FILE = CONFIG_DIR / "camera_source.yaml"
 OWN: Mapping[str, str] = MappingProxyType(
     {
         "v4l2": "vehicle.cameras.opencv:V4l2Camera",
+        "picamera": "vehicle.cameras.picamera:PicameraCamera",
         "gstreamer": "vehicle.cameras.opencv:GstreamerCamera",
         "video": "vehicle.cameras.files:VideoFile",
         "folder": "vehicle.cameras.files:ImageFolder",
