@@ -1,11 +1,14 @@
 """``trepid init``: the folder of a new car."""
 
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated
 
 import typer
 
+from cockpit.car.donkeycar import read_donkeycar
 from cockpit.car.template import merged
 from trepid.config import CONFIG_DIR, WHOLE_FILES, InputError, read_text
 
@@ -41,16 +44,29 @@ class Like(StrEnum):
 def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder to write; must be empty or new.")],
     like: Annotated[Like, typer.Option(help="The car to begin with.")] = Like.SIM,
+    donkeycar: Annotated[
+        Path | None,
+        typer.Option(metavar="myconfig.py", help="Pulses and camera of a donkeycar; with --like rc-car."),
+    ] = None,
 ) -> int:
     """Write the folder of a new car: commented YAML files that override the defaults field by field."""
-    written = write_car(folder, like)
+    if donkeycar is not None and like is not Like.RC_CAR:
+        raise InputError(f"--donkeycar {donkeycar}: is for --like rc-car")
+    found = read_donkeycar(donkeycar) if donkeycar is not None else None
+    written = write_car(folder, like, found.files if found else {})
     print(f"{folder}: {', '.join(written)}")
+    if found:
+        print(f"From {donkeycar}: {', '.join(found.taken) or 'defaults of donkeycar alone'}")
+        print(f"Not taken over: {', '.join(found.left) or 'nothing'}")
     print(f"Next: edit the files, then `trepid doctor --car {folder}` and `trepid drive --car {folder}`.")
     return 0
 
 
-def write_car(folder: Path, like: Like) -> list[str]:
-    """Write the files of a car like ``like`` into ``folder``; return their names. Raises InputError."""
+def write_car(folder: Path, like: Like, given: Mapping[str, str] = MappingProxyType({})) -> list[str]:
+    """Write the files of a car like ``like`` into ``folder``; return their names. Raises InputError.
+
+    ``given``: fields as YAML, by the name of a file, in place of those of the template.
+    """
     template = TEMPLATES / like
     own = {path.relative_to(template).as_posix() for path in template.rglob("*") if path.is_file()}
     top = {name for name in own if "/" not in name}
@@ -58,6 +74,10 @@ def write_car(folder: Path, like: Like) -> list[str]:
         name: file_text(name, template) for name in FILES if name in top or (CONFIG_DIR / name).is_file()
     }
     texts |= {name: file_text(name, template) for name in sorted(own - texts.keys())}
+    texts |= {
+        name: HEADER.format(name=name) + merged(read_text(CONFIG_DIR / name), own)
+        for name, own in given.items()
+    }
     texts |= {f"schema/{name}": read_text(CONFIG_DIR / "schema" / name) for name in SCHEMAS}
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
