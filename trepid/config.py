@@ -292,6 +292,14 @@ def read_text(path: Path, *, windows: bool = False, broken_bytes: bool = False) 
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+_YAML_IN_WORDS = {
+    "'\\t'": "a tab; indent by spaces",
+    "expected <block end>": "wrong indentation; entries of one list or block begin in the same column",
+    "mapping values are not allowed": "wrong indentation, or a text with a colon that needs quotes",
+}
+"""Part of a message of the YAML reader -> what to mend."""
+
+
 def _mapping(text: str, path: Path, *, may_be_empty: bool = False) -> CommentedMap:
     try:
         with warnings.catch_warnings():
@@ -303,6 +311,7 @@ def _mapping(text: str, path: Path, *, may_be_empty: bool = False) -> CommentedM
         mark = error.problem_mark or error.context_mark
         where = f"{path}:{mark.line + 1}:{mark.column + 1}" if mark else f"{path}"
         problem = (error.problem or error.context or "not valid YAML").splitlines()[0]
+        problem = next((words for found, words in _YAML_IN_WORDS.items() if found in problem), problem)
         raise InputError(f"{where}: not valid YAML: {problem}") from error
     except (YAMLError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not valid YAML: {_brief(error)}") from error
@@ -440,6 +449,9 @@ def place(data: Any, path: Sequence[str | int], source: Path | str) -> str:
     return f"{source}:{line}:{column}"
 
 
+_QUOTED = re.compile(r"'([^']*)'")
+
+
 def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> str:
     """The first problem of ``error`` about ``data`` in one line, without its place."""
     problem = _first(error)
@@ -450,6 +462,9 @@ def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> s
         return f"unknown field {dotted!r}; {did_you_mean(str(path[-1]), known)}"
     if problem["type"] == "missing":
         return f"{'.'.join(map(str, [*path, problem['loc'][-1]]))!r} is missing"
+    if problem["type"] in ("literal_error", "enum") and isinstance(problem["input"], str):
+        known = _QUOTED.findall(problem["ctx"]["expected"])
+        return f"{dotted}: unknown value {problem['input']!r}; {did_you_mean(problem['input'], known)}"
     what = " ".join(problem["msg"].removeprefix("Value error, ").split())
     return f"{dotted}: {what}" if dotted else what
 

@@ -102,7 +102,7 @@ def _void(rules: FearRules) -> Iterator[tuple[Rule, Rule]]:
     compiled = [(rule, cases(rule, rules.inputs)) for rule in rules.rules if rule.harm]
     for (a, of_a), (b, of_b) in itertools.permutations(compiled, 2):
         outdone = a.output == b.output and a.harm <= b.harm and a.weight <= b.weight
-        if outdone and all(any(_special(case, other) for other in of_b) for case in of_a):
+        if of_a and outdone and all(any(_special(case, other) for other in of_b) for case in of_a):
             yield a, b
 
 

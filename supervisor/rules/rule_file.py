@@ -182,9 +182,13 @@ class Input(Settings):
                 self._errors[level] = error
         shapes = list(self._shapes.values())
         if shapes[0][:2] != (low, low):
-            raise ValueError(f"very_low must start as a shoulder at {low}: [{low}, {low}, ...]")
+            raise ValueError(
+                f"no set is 1 at {low}: very_low must start as a shoulder there, [{low}, {low}, ...]"
+            )
         if shapes[-1][2:4] != (high, high):
-            raise ValueError(f"very_high must end as a shoulder at {high}: [..., {high}, {high}]")
+            raise ValueError(
+                f"no set is 1 at {high}: very_high must end as a shoulder there, [..., {high}, {high}]"
+            )
         for (name, left), (next_name, right) in itertools.pairwise(zip(LEVELS, shapes, strict=True)):
             _check_neighbours(name, left, next_name, right)
         return self
@@ -213,7 +217,9 @@ def _compiled(spec: SetSpec, span: Two, tolerance: float) -> Compiled:
 
 def _check_neighbours(name: str, left: FuzzySet, next_name: str, right: FuzzySet) -> None:
     if right.a >= left.d:
-        raise ValueError(f"{name} and {next_name} leave a gap: they must overlap")
+        raise ValueError(
+            f"{name} and {next_name} leave a gap: no set covers {left.d:g} to {right.a:g}; they must overlap"
+        )
     curved = left.rise or left.fall or right.rise or right.fall  # whose feet may lie far out, as a bell's do
     feet_fall = not curved and (right.a < left.a or right.d < left.d)
     if right.b <= left.b or right.c <= left.c or feet_fall:

@@ -228,7 +228,9 @@ def _expectation(got: str, accepted: Iterable[str], known: dict[str, tuple[str, 
     expected = known[names] if names else (_keyword(terminals),)
     if not got:
         return f"the rule ends too early: expected {what or repr(expected[0])}"
-    hint = did_you_mean(got, expected, otherwise=None if what else "")
+    output = names == "INPUT" and got in known["OUTPUT"]
+    about = f"it is an output of the rules; a condition is about inputs, such as {expected[0]!r}"
+    hint = about if output else did_you_mean(got, expected, otherwise=None if what else "")
     if not hint:
         return f"expected {expected[0]!r}, got {got!r}"
     return f"unknown {what or 'word'} {got!r}; {hint}"

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from supervisor.rules.inference import SILENT, FearRules
-from supervisor.rules.monotone import cases
+from supervisor.rules.monotone import ALWAYS, NEVER, Edge, cases, edge
 from supervisor.rules.proofs import (
     Point,
     calmest,
@@ -57,7 +57,8 @@ def verify(rules: FearRules) -> Verdict:
     problems += [
         f"contradicts {_quoted(b)}, which counts instead: {a.text}" for a, b in contradictions(rules)
     ]
-    notes = [f"adds nothing to {_quoted(b)}: {a.text}" for a, b in repetitions(rules)]
+    notes = [*_idle_conditions(rules)]
+    notes += [f"adds nothing to {_quoted(b)}: {a.text}" for a, b in repetitions(rules)]
     return Verdict(tuple(problems), tuple(notes), lipschitz(rules))
 
 
@@ -128,6 +129,34 @@ def _idle(rules: FearRules) -> Iterator[str]:
             yield f"never fires: {rule.text}"
         elif [] in compiled or (rule.harm and _holds(rule, rules, calm)):
             yield f"always fires: {rule.text}"
+
+
+def _idle_conditions(rules: FearRules) -> Iterator[str]:
+    """Conditions that change nothing: one on the same input implies them, or they always hold."""
+    for rule in rules.rules:
+        for case in rule.cases:
+            edges = [edge(atom, rules.inputs[atom.input], rule.harm) for atom in case]
+            for atom, ends in zip(case, edges, strict=True):
+                implied = any(
+                    other.input == atom.input
+                    and (other.set, other.negated) != (atom.set, atom.negated)
+                    and _implies(found, ends)
+                    for other, found in zip(case, edges, strict=True)
+                )
+                if implied or ends == ALWAYS:
+                    said = f"{atom.input} is {'not ' * atom.negated}{atom.set}"
+                    yield f"the condition '{said}' changes nothing: {rule.text}"
+
+
+def _implies(edge_: Edge, other: Edge) -> bool:
+    """Whether the degree of a straight ``edge_`` is at no point above that of ``other``."""
+    (foot, shoulder, knots), (foot_of, shoulder_of, knots_of) = edge_, other
+    if knots or knots_of or NEVER in (edge_, other) or ALWAYS in (edge_, other):
+        return False
+    rises = foot < shoulder
+    return (
+        foot >= foot_of and shoulder >= shoulder_of if rises else foot <= foot_of and shoulder <= shoulder_of
+    )
 
 
 def _holds(rule: Rule, rules: FearRules, point: Point) -> bool:

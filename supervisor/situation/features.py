@@ -64,6 +64,34 @@ DOUBT = "state_doubt"
 Features = dict[str, float | None]
 
 
+UNITS = {
+    "s": (
+        "frame_age",
+        "estimator_age",
+        "state_age",
+        "single_source",
+        "frozen",
+        "crossing",
+        "saturated",
+        "time_gap",
+    ),
+    "m": ("separation", "lane_width_error", "lane_width", "unmarked_way", "lateral_error", "lead_distance"),
+    "m/s": ("speed", "person_margin"),
+    "m/s²": ("disagreement", "lateral_demand", "turn_excess", "lead_deceleration"),
+    "grey²": ("sharpness",),
+}
+"""Unit -> features in it."""
+
+
+def wrong_units(units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Each input whose unit in ``units`` is not that of its values, with the fault."""
+    of = {name: unit for unit, names in UNITS.items() for name in names}
+    for name, unit in units.items():
+        expected = of.get(name, unit)
+        if unit != expected:
+            yield name, f"{name} is measured in {expected}, not in {unit}; its sets hold in {expected}"
+
+
 def unknown_features(names: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Each of ``names`` that is no feature, with the nearest one as a question."""
     for name in names:

@@ -62,6 +62,33 @@ def test_a_rule_file_that_could_not_drive_fails_its_check(
     assert any(problem in found for found in verify(FearRules.load(path)).problems)
 
 
+def test_a_unit_that_is_not_that_of_the_values_is_refused_at_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "fear.yaml"
+    path.write_text(SHIPPED.replace("vehicle\n    unit: m/s\n", "vehicle\n    unit: km/h\n"))
+    line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if text.endswith("km/h"))
+    with pytest.raises(
+        InputError, match=rf":{line}:5: inputs.speed.unit: speed is measured in m/s, not in km/h"
+    ):
+        fear("check", str(path))
+
+
+@pytest.mark.parametrize(
+    ("condition", "idle"),
+    [
+        ("speed is low and speed is very_high", "speed is low"),
+        ("speed is very_high and speed is not very_low", "speed is not very_low"),
+        ("speed is very_low and cv_jitter is high", "speed is very_low"),
+    ],
+)
+def test_a_condition_that_changes_nothing_is_noted(tmp_path: Path, condition: str, idle: str) -> None:
+    path = tmp_path / "fear.yaml"
+    rule = f"if {condition} then fear is low because demand"
+    path.write_text(SHIPPED.replace(CALM_RULE, f"{CALM_RULE}  - {rule}\n"))
+    verdict = verify(FearRules.load(path))
+    assert f"the condition '{idle}' changes nothing: {rule}" in verdict.notes
+    assert not [note for note in verify(RULES).notes if "changes nothing" in note]
+
+
 def test_a_failed_check_exits_with_1_and_lists_the_problems(tmp_path: Path) -> None:
     path = tmp_path / "fear.yaml"
     path.write_text(SHIPPED.replace(CALM_RULE, ""))

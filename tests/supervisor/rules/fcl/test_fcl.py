@@ -178,7 +178,7 @@ def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_states() -> N
         ("THEN fear IS medium;", "THEN fear IS medum;", "unknown level 'medum'; did you mean 'medium'?"),
         ("WITH 0.25", "WITH 25", "expected a weight above 0 and at most 1, got '25'"),
         ("THEN fear IS medium;", "THEN fear IS medium, trust_cv IS low;", "expected a value, got ','"),
-        ("RISK a := rising;", "RISK a := up;", "inputs.a.risk: Input should be 'rising' or 'falling'"),
+        ("RISK a := rising;", "RISK a := up;", "inputs.a.risk: unknown value 'up'"),
         ("  RISK a := rising;", "", "the direction of the risk a is missing: expected RISK a := rising; in OPTION"),
         ("BECAUSE 1 ", "BECAUSE 9 ", "expected the number of a rule above"),
         ("BECAUSE 1 := dark", "BECAUSE 1 := dakr", "unknown cause 'dakr'; did you mean 'dark'?"),
