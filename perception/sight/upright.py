@@ -18,7 +18,7 @@ from trepid.types import Image, Mask
 
 AROUND_RAD = 0.02  # to both sides of the horizon: an edge has its contrast here
 SAMPLE = 2  # every second row gives the usual step of the ground
-BLOCK_PX = 8  # of JPEG and MPEG
+BLOCK_PX = 16  # of the colours of JPEG and MPEG at half resolution; two of their brightness
 BREAK_PX = 3  # a gap of one row does not break an edge
 SAME_PX = 2  # columns between two edges that are one
 GRAIN_PX = 3  # rows below the horizon that may still show what is beyond it
@@ -77,7 +77,7 @@ class UprightEdges:
     def _least_steps(self, ground: np.ndarray) -> NDArray[np.float32]:
         """The least step of an edge in each column, by the usual step of the ``ground`` in columns of its phase.
 
-        An image that was compressed by blocks steps at their sides, and these lie in every eighth column.
+        An image that was compressed by blocks steps at their sides: in every eighth or sixteenth column.
         """
         phases = ground[:, : ground.shape[1] // BLOCK_PX * BLOCK_PX].reshape(-1, BLOCK_PX)
         usual = np.partition(phases, len(phases) // 2, axis=0)[len(phases) // 2]

@@ -75,6 +75,16 @@ def test_the_blocks_of_a_compressed_image_are_no_sides_of_things(seed: int) -> N
     assert sight.distance_m == pytest.approx(20.0, rel=0.15) and sight.cause == Cause.OCCLUDED
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_the_wider_blocks_of_compressed_colours_are_no_sides_of_things(seed: int) -> None:
+    rows, columns = (-(-size // 16) for size in CLEAR.shape[:2])
+    tints = np.random.default_rng(seed).uniform(-20.0, 20.0, (rows, columns, 3))
+    tint = np.kron(tints, np.ones((16, 16, 1)))[: CLEAR.shape[0], : CLEAR.shape[1]]
+    image = np.clip(CLEAR[:, :, None] + tint, 0, 255).astype(np.uint8)
+    edges = UprightEdges(CAMERA, SETTINGS.hidden)
+    assert len(edges.find(image)) <= len(edges.find(np.repeat(CLEAR[:, :, None], 3, axis=2)))
+
+
 @pytest.mark.parametrize("left_m", [-4.5, 4.5])
 def test_a_lorry_in_another_lane_of_a_straight_road_takes_no_sight(left_m: float) -> None:
     sight = watched(with_box(CLEAR, 25.0, left_m=left_m), arc(0.0))
