@@ -155,13 +155,12 @@ def _check_splits(rule: Split, rows: Rows) -> None:
     for name, share in rule.shares.items():
         if share > 0 and not (rows["split"] == name).any():
             reasons = Counter(rows["why"][rows["why"] != ""].tolist())
-            most = "; ".join(f"{count} left out: {why}" for why, count in reasons.most_common(2))
+            causes = [f"{count} left out: {why}" for why, count in reasons.most_common(2)]
             back = (np.diff(rows["t_s"]) < 0) & (rows["route"][1:] == rows["route"][:-1])
-            most += f"; time runs back {back.sum()} times: sort the log by time" if back.any() else ""
-            raise InputError(
-                f"no row of {len(rows)} is left for {name} with a gap of {rule.gap_s:g} s (--gap-s)"
-                + (f"; {most}" if most else "")
-            )
+            if back.any():
+                causes.append(f"time runs back {back.sum()} times: sort the log by time")
+            gap = f"with a gap of {rule.gap_s:g} s (--gap-s)"
+            raise InputError("; ".join([f"no row of {len(rows)} is left for {name} {gap}", *causes]))
 
 
 def _check_options(logs: list[Log], options: BuildOptions) -> None:

@@ -20,6 +20,7 @@ from learning.dataset.sources.tub_manifest import MANIFEST, catalogs_in, read_ma
 from trepid.config import InputError, read_text
 from trepid.files.decoding import is_broken
 from trepid.images.files import IMAGE_SUFFIXES, natural_order
+from trepid.recording.csv_file import refuse_rounded_times
 
 IMAGES = "images"
 NUMBERED = re.compile(r"record_\d+\.json")
@@ -199,6 +200,8 @@ def _log(
     if not rows:
         raise InputError(f"{path}: no record of this tub can be read")
     times_s, angles, speeds_mps = np.array(rows, dtype=np.float64).T
+    if timed:
+        refuse_rounded_times(path, str(_stamp(records[0][2])), times_s, routes)
     log = Log(
         kind=kind,
         path=path,

@@ -66,6 +66,16 @@ def test_a_broken_line_of_a_catalog_is_named_and_left_out(
     assert said in capsys.readouterr().err
 
 
+def test_times_of_a_tub_that_many_records_share_are_refused(tmp_path: Path) -> None:
+    tub = write_tub(tmp_path / "tub", 60)
+    catalog = tub / "catalog_0.catalog"
+    records = [json.loads(line) for line in catalog.read_text().splitlines()]
+    whole = [json.dumps({**one, "_timestamp_ms": one["_timestamp_ms"] // 1000}) for one in records]
+    catalog.write_text("\n".join(whole))
+    with pytest.raises(InputError, match=r"_timestamp_ms: 60 rows have \d+ times?: rounded"):
+        read(tub)
+
+
 DAMAGES = {
     "short": (lambda lines: lines[:4], "manifest.json: 4 lines, expected 5"),
     "tail": (
