@@ -210,6 +210,20 @@ def test_invalid_input_is_refused_before_the_first_run(tmp_path: Path) -> None:
             tune(**{**options, **empty, "as_json": True, **arguments})  # type: ignore[arg-type]
 
 
+def test_at_least_four_of_five_candidates_of_the_default_ranges_pass_the_checks(tmp_path: Path) -> None:
+    rng, good = np.random.default_rng(0), 0
+    for _ in range(20):
+        spans = SETTINGS.parameters.items()
+        values = {name: span.rounded(rng.uniform(span.low, span.high)) for name, span in spans}
+        path = tmp_path / "candidate.yaml"
+        path.write_text(TEXT.changed(values), encoding="utf-8")
+        try:
+            good += not verify(FearRules.load(path)).problems
+        except InputError:
+            continue  # sets in disorder
+    assert good >= 16
+
+
 def test_an_invalid_candidate_is_refused_without_being_driven(tmp_path: Path) -> None:
     from sim_harness.tuning.study import Invalid, StudyTask, candidate
 
