@@ -42,6 +42,11 @@ BENCHMARKS = {
         "live.page",
         "the live page: capture to screen, share of a core, frame to command with and without viewer",
     ),
+    "page-answers": Benchmark(
+        "live.answers",
+        "the live page: from its printed address to answer and picture, a check of the rules, at loads 0 and 8",
+        pictured=False,
+    ),
     "logbook": Benchmark(
         "logbook.bench",
         "recordings: random moments explained, opening of half an hour, what a crash leaves, replay",
