@@ -107,7 +107,7 @@ def test_trace_and_picture_are_saved_at_the_given_places(short, tmp_path, capsys
     [
         (["run", "circus"], "no scenario 'circus'"),
         (["run", "straight", "--set", "duration_s"], "--set duration_s: expected KEY=VALUE"),
-        (["run", "straight", "--set", "lane_width_m=9"], "--set lane_width_m: lane_width_m: .*less than"),
+        (["run", "straight", "--set", "lane_width_m=16"], "--set lane_width_m: lane_width_m: .*less than"),
         (["run", "straight", "circuit", "--trace", "x.npz"], "x.npz: can hold one run, not 2"),
         (["run", "straight", "--picture", "/no/such/folder/x.png"], "there is no folder /no/such/folder"),
     ],

@@ -22,6 +22,7 @@ PLAIN = {
     str: st.text(st.characters(min_codepoint=1, codec="utf-8"), max_size=8),
     m.Mode: st.sampled_from(m.Mode),
     m.Stop: st.sampled_from(m.Stop),
+    m.Limit: st.sampled_from(m.Limit),
     m.EstimateKind: st.sampled_from(m.EstimateKind),
     tuple[float, ...]: st.lists(finite, max_size=3).map(tuple),
     tuple[float | None, ...]: st.lists(st.none() | finite, max_size=3).map(tuple),

@@ -31,7 +31,7 @@ BAD = {
     "list": ("- a\n", ":1:1: expected a mapping"),
     "number": ("3\n", ":1:1: expected a mapping"),
     # No YAML.
-    "tab": (GOOD + "start:\n\toffset_m: 1\n", ":6:1: not valid YAML: .*'\\\\t'"),
+    "tab": (GOOD + "start:\n\toffset_m: 1\n", ":6:1: not valid YAML: a tab; indent by spaces"),
     "unclosed brace": (GOOD + "start: {offset_m: 1\n", ":6:1: not valid YAML: "),
     "unclosed quote": (GOOD + 'name: "abc\n', ":6:1: not valid YAML: "),
     "duplicate key": (GOOD + "road: curve\n", ":5:1: not valid YAML: .*duplicate key"),
@@ -91,7 +91,7 @@ BAD = {
     ),
     "no segments": (GOOD + "segments: []\n", ":5:1: segments: "),
     "endless segment": (GOOD + "segments: [{length_m: 1e9}]\n", ":5:13: segments.0.length_m: .*100000"),
-    "lane too wide": (GOOD + "lane_width_m: 9\n", ":5:1: lane_width_m: .*less than"),
+    "lane too wide": (GOOD + "lane_width_m: 16\n", ":5:1: lane_width_m: .*less than"),
     "start beyond the end": (GOOD + "start: {station_m: 5e3}\n", ":5:9: start.station_m: the road runs"),
     "start beside the road": (GOOD + "start: {offset_m: 1e9}\n", ":5:9: start.offset_m: .*less than"),
     "drift without speed": (GOOD + "start: {drift_mps: 1}\n", ":5:1: start: drift_mps 1 needs"),

@@ -122,9 +122,9 @@ def test_a_command_need_not_report_and_may(car: Callable[[str], dict[str, Proces
         ("processes: {cv: {options: {realtime: true}}}", ":1:28: processes.cv.options.realtime: True is no"),
         (
             "processes: {cv: {loss: crash}}",
-            ":1:18: processes.cv.loss: Input should be 'stop', 'slow' or 'nothing'",
+            ":1:18: processes.cv.loss: unknown value 'crash'; known here: stop, slow, nothing",
         ),
-        ("processes: {cv: {<<: {loss: crash}}}", ":1:23: processes.cv.loss: Input should be"),
+        ("processes: {cv: {<<: {loss: crash}}}", ":1:23: processes.cv.loss: unknown value 'crash'"),
         (
             "processes: {launcher: {command: [echo]}}",
             ":1:13: processes.launcher: is reserved: the certificate launcher.crt is another one's",

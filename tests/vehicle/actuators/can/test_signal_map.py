@@ -28,10 +28,13 @@ FAULTS = {
     ),
     "checksum: {signal: CHECKSUM, algorithm: toyota}": (
         "checksum: {signal: CHECKSUM, algorithm: toyotta}",
-        "map.yaml:16:34: commands.0.checksum.algorithm: Input should be 'xor', 'sum', 'toyota'",
+        "map.yaml:16:34: commands.0.checksum.algorithm: unknown value 'toyotta'; did you mean 'toyota'?",
     ),
     "{signal: COUNTER}": ("{signal: CHECKSUM}", "signal 'CHECKSUM' is used twice"),
-    "quantity: accel_mps2": ("quantity: accel", "commands.1.signals.0.quantity: Input should be"),
+    "quantity: accel_mps2": (
+        "quantity: accel",
+        "commands.1.signals.0.quantity: unknown value 'accel'; did you mean 'accel_mps2'?",
+    ),
     "{signal: CHECKSUM, algorithm: toyota}": (
         "{signal: COUNTER, algorithm: crc8_j1850}",
         "signal 'COUNTER' is used twice",
