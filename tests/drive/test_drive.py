@@ -52,11 +52,12 @@ class LiveDrive:
             found = re.search(r"speed +([0-9.]+) m/s", line)
             if found and float(found[1]) >= speed_mps:
                 return True
-            if "STOP" in line and ": starting" not in line:
+            if "STOP" in line and " starting: " not in line:
                 self.popen.send_signal(signal.SIGINT)
                 break
         out, err = self.popen.communicate(timeout=90)
-        frame_to_command = json.loads(out)["latency_ms"]["frame_to_command"] if out.startswith("{") else {}
+        latency = json.loads(out)["latency_ms"]["frame_to_command"] if out.startswith("{") else None
+        frame_to_command = latency or {}
         if frame_to_command.get("p50", 0.0) > STARVED_MS:
             pytest.skip(f"frames take {frame_to_command['p50']:.0f} ms to the command on this machine")
         if frame_to_command.get("max", 0.0) > STALLED_MS:
