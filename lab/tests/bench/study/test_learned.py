@@ -87,7 +87,8 @@ TINY = dict(stages=one_stage(1, 1.0e-3), height_px="24", width_px="32", batch="1
         ("learning/training/loop.py", True, True),
         ("learning/models/steer.py", True, True),
         ("learning/models/papers.py", False, False),
-        ("learning/judging/scores.py", False, True),
+        ("learning/judging/scores.py", True, True),  # the card of a network says what its scores are worth
+        ("learning/judging/predictions.py", False, True),
         ("cockpit/page/node.py", False, False),
     ],
 )
