@@ -83,7 +83,7 @@ def test_pulses_are_counts_of_a_period_of_60_hz_and_pins_give_bus_address_and_ch
     assert found.throttle.neutral_us == round(370 / 4095 * 1e6 / 60)
     assert found.speed == "none", "no speed was measured: the car does not drive"
     assert abs(found.throttle.pulse_us(9.0) - found.throttle.neutral_us) <= 1, (
-        "nor does it when it is told to"
+        "the pulse of any demanded speed is the neutral one"
     )
 
 
