@@ -11,7 +11,7 @@ import json
 import os
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -207,9 +207,12 @@ def read(path: Path) -> CommentedMap:
     return data
 
 
-def read_first(path: Path) -> CommentedMap:
-    """The first YAML mapping in ``path``, which others may follow after ``---``. Raises InputError."""
-    text = read_text(path)
+def read_first(path: Path, prepare: Callable[[str, Path], str] = lambda text, _: text) -> CommentedMap:
+    """The first YAML mapping in ``path``, which others may follow after ``---``. Raises InputError.
+
+    ``prepare``: the YAML of a text in a form of YAML that only one tool writes, with the lines where they are.
+    """
+    text = prepare(read_text(path), path)
     ends = (mark.start() for mark in _DOCUMENT.finditer(text) if text[: mark.start()].strip())
     return _mapping(text[: next(ends, len(text))], path)
 

@@ -1,7 +1,8 @@
 """``camera_info`` files of ROS as cameras: as camera_calibration writes and ``ros2 topic echo`` prints them.
 
-Both state the intrinsics K of the full sensor, the lens model and its coefficients. Of an image the region of
-interest is read out first, then pixels are binned (sensor_msgs/CameraInfo). The lens models are:
+Both state the intrinsics K of the full sensor, the lens model and its coefficients; so does a ``FileStorage`` of
+OpenCV. A matrix is a list of numbers or of rows, alone or as ``data`` beside ``rows`` and ``cols``. Of an image the
+region of interest is read out first, then pixels are binned (sensor_msgs/CameraInfo). The lens models are:
 
 - ``plumb_bob``: k1 k2 p1 p2 k3 of Brown and Conrady, as in :class:`trepid.car.camera.Camera`.
 - ``rational_polynomial``: k1 k2 p1 p2 k3 k4 k5 k6, the same with a quotient of polynomials.
@@ -11,12 +12,22 @@ interest is read out first, then pixels are binned (sensor_msgs/CameraInfo). The
 """
 
 import math
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt
+from pydantic import (
+    AfterValidator,
+    AliasChoices,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    PositiveInt,
+)
 
 from trepid.car.camera import Camera
 from trepid.config import InputError, parse, read_first
@@ -27,25 +38,40 @@ FIT_PX = 0.5  # largest error of a fitted lens
 SKEW_PX = 0.5  # over the height of the image, that a camera without skew may have
 ANGLES, ROUNDS = 400, 20  # of the fit
 
-Nine = Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
+_OPENCV_HEAD = re.compile(r"\A%YAML:1\.0\s*\n(?:---[^\n]*\n)?")
+_OPENCV_TAG = re.compile(r"(?<=:)\s*!!opencv-matrix")
+_OST = re.compile(r"\A\s*(?:#[^\n]*\n\s*)*\[image\]\s*$", re.MULTILINE)
+
+
+def _numbers(value: Any) -> Any:
+    """The numbers of a matrix, row after row. Raises ValueError where its size is stated otherwise."""
+    if isinstance(value, Mapping) and "data" in value:
+        numbers = _numbers(value["data"])
+        rows, columns = value.get("rows"), value.get("cols")
+        if isinstance(rows, int) and isinstance(columns, int) and rows * columns != len(numbers):
+            raise ValueError(f"{rows} rows of {columns} numbers, but {len(numbers)} numbers")
+        return numbers
+    if isinstance(value, list) and any(isinstance(row, list) for row in value):
+        return [number for row in value for number in (row if isinstance(row, list) else [row])]
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        raise ValueError(f"expected a list of numbers, got {value!r}")
+    return value
+
+
+def _nine(numbers: tuple[float, ...]) -> tuple[float, ...]:
+    if len(numbers) != 9:
+        raise ValueError(f"expected the 9 numbers of a matrix with three rows, got {len(numbers)}")
+    return numbers
+
+
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
+Nine = Annotated[Numbers, AfterValidator(_nine)]
 
 
 class _Part(BaseModel):
     """A part of a file that may have further fields."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
-
-
-class Matrix(_Part):
-    """A matrix of camera_calibration."""
-
-    data: tuple[float, ...]
-
-
-class NineMatrix(_Part):
-    """A matrix with three rows and columns."""
-
-    data: Nine
 
 
 class Region(_Part):
@@ -63,7 +89,7 @@ class Message(_Part):
     height: PositiveInt
     width: PositiveInt
     distortion_model: str = ""
-    d: tuple[float, ...] = Field(default=(), validation_alias=AliasChoices("d", "D"))
+    d: Numbers = Field(default=(), validation_alias=AliasChoices("d", "D"))
     k: Nine = Field(validation_alias=AliasChoices("k", "K"))
     binning_x: NonNegativeInt = 0
     binning_y: NonNegativeInt = 0
@@ -76,8 +102,8 @@ class CameraInfo(_Part):
     image_height: PositiveInt
     image_width: PositiveInt
     distortion_model: str = ""
-    distortion_coefficients: Matrix = Matrix(data=())
-    camera_matrix: NineMatrix
+    distortion_coefficients: Numbers = ()
+    camera_matrix: Nine
 
     def message(self) -> Message:
         """The same as a message."""
@@ -85,8 +111,8 @@ class CameraInfo(_Part):
             height=self.image_height,
             width=self.image_width,
             distortion_model=self.distortion_model,
-            d=self.distortion_coefficients.data,
-            k=self.camera_matrix.data,
+            d=self.distortion_coefficients,
+            k=self.camera_matrix,
         )
 
 
@@ -100,7 +126,7 @@ class Imported(NamedTuple):
 
 def import_camera(path: Path, mounting: Camera) -> Imported:
     """The camera of the camera_info at ``path``, mounted as ``mounting``. Raises InputError with its place."""
-    data = read_first(path)
+    data = read_first(path, _plain_yaml)
     message = (
         parse(data, CameraInfo, source=path).message()
         if "camera_matrix" in data or "image_width" in data
@@ -137,12 +163,27 @@ def import_camera(path: Path, mounting: Camera) -> Imported:
             "distortion": distortion,
         }
     )
-    return Imported(Camera.model_validate(_read_out(full, message).model_dump()), name, fit_px)
+    return Imported(Camera.model_validate(_read_out(full, message, path).model_dump()), name, fit_px)
 
 
-def _read_out(camera: Camera, message: Message) -> Camera:
-    """The camera of the region of interest, binned."""
+def _plain_yaml(text: str, path: Path) -> str:
+    """``text`` without what OpenCV adds to YAML. Raises InputError for the other form of camera_calibration."""
+    if _OST.search(text):
+        raise InputError(f"{path}: is no YAML but the text ost.txt: import the file ost.yaml beside it")
+    head = _OPENCV_HEAD.match(text)
+    if head is None:
+        return text
+    return "\n" * head.group().count("\n") + _OPENCV_TAG.sub("", text[head.end() :])
+
+
+def _read_out(camera: Camera, message: Message, path: Path) -> Camera:
+    """The camera of the region of interest, binned. Raises InputError for a region beyond the image."""
     roi = message.roi
+    if roi.x_offset + roi.width > camera.width_px or roi.y_offset + roi.height > camera.height_px:
+        where = f"{roi.width} x {roi.height} px from ({roi.x_offset}, {roi.y_offset})"
+        raise InputError(
+            f"{path}: roi: {where} reaches beyond the image of {camera.width_px} x {camera.height_px}"
+        )
     region = camera.model_copy(
         update={
             "width_px": roi.width or camera.width_px,
@@ -162,10 +203,12 @@ Lens = Callable[[Sequence[float], float], tuple[tuple[float, ...], float | None]
 
 def _lens_model(message: Message, path: Path) -> tuple[str, int, Lens]:
     """Name, number of coefficients, and conversion of a lens model. Raises InputError."""
-    name = message.distortion_model or "plumb_bob"
+    name = message.distortion_model.lower()
+    if name in ("", "none") and (not name or not any(message.d)):
+        name = "plumb_bob"  # of a camera without distortion
     if name not in LENSES:
         known = ", ".join(LENSES)
-        raise InputError(f"{path}: distortion_model {name!r}; known: {known}")
+        raise InputError(f"{path}: distortion_model {message.distortion_model!r}; known: {known}")
     return name, *LENSES[name]
 
 

@@ -116,6 +116,47 @@ def test_region_of_interest_and_binning_move_every_pixel_as_the_sensor_does(tmp_
     assert shown(found.camera, points) == pytest.approx((full - (40, 80) + 0.5) / 2 - 0.5, abs=1e-6)
 
 
+HEAD = "image_width: 640\nimage_height: 480\ndistortion_model: plumb_bob\n"
+SAME_CAMERA = {
+    "rows": HEAD + f"camera_matrix: {K.tolist()}\ndistortion_coefficients: {list(PLUMB_BOB)}\n",
+    "rows in data": HEAD
+    + f"camera_matrix:\n  rows: 3\n  cols: 3\n  data: {K.tolist()}\n"
+    + f"distortion_coefficients: {{rows: 1, cols: 5, data: [{list(PLUMB_BOB)}]}}\n",
+    "OpenCV": f"%YAML:1.0\n---\n{HEAD}camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+    + f"   data: {K.ravel().tolist()}\ndistortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n"
+    + f"   dt: d\n   data: {list(PLUMB_BOB)}\n",
+    "capitals": f"height: 480\nwidth: 640\ndistortion_model: Plumb_Bob\nD: {list(PLUMB_BOB)}\nK: {K.tolist()}\n",
+}
+
+
+@pytest.mark.parametrize("text", SAME_CAMERA.values(), ids=SAME_CAMERA.keys())
+def test_a_matrix_means_the_same_as_a_list_of_numbers_of_rows_and_of_opencv(tmp_path, text):
+    written = tmp_path / "other.yaml"
+    written.write_text(text)
+    plain = calibration(tmp_path / "plain.yaml", "plumb_bob", PLUMB_BOB)
+    assert import_camera(written, MOUNTING).camera == import_camera(plain, MOUNTING).camera
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (f"{SAME_CAMERA['capitals']}roi: {{x_offset: 300, width: 341, height: 9}}\n", "341 x 9 px from (300, 0)"),
+        (f"{SAME_CAMERA['capitals']}roi: {{y_offset: 480, height: 1}}\n", "beyond the image of 640"),
+        (SAME_CAMERA["capitals"].replace("Plumb_Bob", "none"), "distortion_model 'none'"),
+        (HEAD + "camera_matrix: 5\n", "camera_matrix: expected a list of numbers, got 5"),
+        ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "import the file ost.yaml beside it"),
+        ("%YAML:1.0\n---\nimage_width: 640\nimage_height: x\n", ":4:1: image_height"),
+    ],
+)  # fmt: skip
+def test_what_a_file_cannot_mean_is_refused_in_one_line(tmp_path, text, said):
+    path = tmp_path / "info.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        import_camera(path, MOUNTING)
+    assert str(refused.value).startswith(str(path)) and said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
 def test_messages_of_ros_1_and_zeros_at_the_end_mean_the_same(tmp_path):
     one = import_camera(echoed(tmp_path / "a.yaml", "plumb_bob", PLUMB_BOB), MOUNTING)
     other = import_camera(
@@ -132,7 +173,7 @@ def test_messages_of_ros_1_and_zeros_at_the_end_mean_the_same(tmp_path):
         ("plumb_bob", RATIONAL, K, "plumb_bob has 5 coefficients, got 8"),
         ("equidistant", (0.1,) * 5, K, "equidistant has 4 coefficients, got 5"),
         ("plumb_bob", PLUMB_BOB, np.zeros((3, 3)), "the focal length is 0 x 0 px: the camera is not calibrated"),
-        ("plumb_bob", PLUMB_BOB, K[:2], "camera_matrix.data: Tuple should have at least 9 items"),
+        ("plumb_bob", PLUMB_BOB, K[:2], "camera_matrix: 3 rows of 3 numbers, but 6 numbers"),
         ("plumb_bob", PLUMB_BOB, K + 5 * np.eye(3, k=1), "a skew of 5 px"),
         ("equidistant", (-0.9, 0.0, 0.0, 0.0), 0.5 * K, "no lens of a camera file comes within 0.5 px of it"),
     ],
