@@ -1,8 +1,11 @@
 """MCAP files of any ROS 2 software: their topics, and the bytes of one topic."""
 
+import re
 import struct
 from collections.abc import Iterator
+from os import SEEK_END
 from pathlib import Path
+from typing import IO
 
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
@@ -11,20 +14,52 @@ from mcap.summary import Summary
 
 from trepid.clock import seconds
 from trepid.config import InputError
-from trepid.recording.scan import records
+from trepid.recording.scan import MAGIC, records
+
+CDR = "cdr"  # encoding of the messages of ROS 2
+LEAST_BYTES = 2 * len(MAGIC) + 29  # of a file with a summary: both magics and the footer
+_OF_DDS = re.compile(r"(\w+)::msg::dds_::(\w+)_")  # sensor_msgs::msg::dds_::Image_
 
 
 def types_of(path: Path) -> dict[str, str]:
     """ROS 2 type by topic, of the topics in CDR. Raises InputError when ``path`` is no MCAP file."""
+    schemas, channels = _schemas_and_channels(path)
+    return {
+        channel.topic: _ros2_name(schemas[channel.schema_id].name)
+        for channel in channels
+        if channel.schema_id in schemas and channel.message_encoding == CDR
+    }
+
+
+def topics_in_words(path: Path) -> str:
+    """Every topic with its type and its encoding where that is not CDR, for a message; "no topic" without any."""
+    schemas, channels = _schemas_and_channels(path)
+    words = []
+    for channel in channels:
+        schema = schemas.get(channel.schema_id)
+        name = schema.name if schema is not None else "without a type"
+        other = "" if channel.message_encoding == CDR else f" in {channel.message_encoding or 'no encoding'}"
+        words.append(f"{channel.topic} ({name}{other})")
+    return ", ".join(dict.fromkeys(words)) or "no topic"
+
+
+def _ros2_name(name: str) -> str:
+    """A type of ROS 2 as ``package/msg/Type``, also as ROS 1 and DDS write it."""
+    if found := _OF_DDS.fullmatch(name):
+        return f"{found[1]}/msg/{found[2]}"
+    package, _, kind = name.partition("/")
+    return f"{package}/msg/{kind}" if kind and "/" not in kind else name
+
+
+def _schemas_and_channels(path: Path) -> tuple[dict[int, Schema], list[Channel]]:
+    """By the summary, else by the whole file. Raises InputError when ``path`` is no MCAP file."""
     schemas: dict[int, Schema] = {}
     channels: list[Channel] = []
     try:
         with path.open("rb") as file:
-            summary = make_reader(file).get_summary()
+            summary = _summary(file)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (McapError, ValueError, EOFError, struct.error):
-        summary = None  # cut short: the summary is at the end
     if summary is not None and _is_complete(summary):
         schemas, channels = summary.schemas, list(summary.channels.values())
     else:
@@ -33,11 +68,18 @@ def types_of(path: Path) -> dict[str, str]:
                 schemas[record.id] = record
             elif isinstance(record, Channel):
                 channels.append(record)
-    return {
-        channel.topic: schemas[channel.schema_id].name
-        for channel in channels
-        if channel.schema_id in schemas and channel.message_encoding == "cdr"
-    }
+    return schemas, channels
+
+
+def _summary(file: IO[bytes]) -> Summary | None:
+    """None where the file is cut short: the summary is at the end."""
+    if file.seek(0, SEEK_END) < LEAST_BYTES:
+        return None
+    file.seek(0)
+    try:
+        return make_reader(file).get_summary()
+    except (McapError, ValueError, EOFError, struct.error):
+        return None
 
 
 def _is_complete(summary: Summary) -> bool:
@@ -63,7 +105,7 @@ def in_order(path: Path) -> Iterator[tuple[int, str, bytes]]:
     """Time of logging [ns], key of the topic and bytes of every message in CDR, in the order of the file."""
     keys: dict[int, str] = {}
     for record in records(path):
-        if isinstance(record, Channel) and record.message_encoding == "cdr":
+        if isinstance(record, Channel) and record.message_encoding == CDR:
             keys[record.id] = record.topic.removeprefix("/")
         elif isinstance(record, Message) and record.channel_id in keys:
             yield record.log_time, keys[record.channel_id], record.data

@@ -49,6 +49,15 @@ _BROKEN = (
     EOFError,
 )
 """Exceptions of the libraries for a truncated record and for other content."""
+_OTHERS = (
+    (b"version https://git-lfs", "a Git LFS pointer: `git lfs pull` gets the file"),
+    (b"#ROSBAG", "a bag of ROS 1: `rosbags-convert` of the package rosbags makes one of ROS 2 in MCAP"),
+    (b"SQLite format 3", "a bag of ROS 2 in SQLite: `ros2 bag convert` makes one in MCAP"),
+    (b"PK\x03\x04", "a ZIP archive: unpack it"),
+    (b"\x1f\x8b", "packed by gzip: unpack it"),
+    (b"\x28\xb5\x2f\xfd", "packed by zstd: unpack it"),
+)
+"""How files begin that stand where a recording should, the longest first, and what to say of them."""
 Wanted = Callable[[str], bool]
 """Whether the messages on a topic are read."""
 
@@ -61,8 +70,9 @@ def records(path: Path, wanted: Wanted = lambda _: True) -> Iterator[McapRecord]
     found = False
     try:
         with path.open("rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise ValueError("not MCAP")
+            beginning = file.read(len(_OTHERS[0][0]))
+            if not beginning.startswith(MAGIC):
+                raise InputError(f"{path}: not a recording: {_other(beginning)}")
             for record in _records(file, wanted):
                 found = True
                 yield record
@@ -70,7 +80,16 @@ def records(path: Path, wanted: Wanted = lambda _: True) -> Iterator[McapRecord]
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     except _BROKEN as error:
         if not found:
-            raise InputError(f"{path}: not a recording: no MCAP file") from error
+            raise InputError(
+                f"{path}: not a recording: an MCAP file cut short before its first record"
+            ) from error
+
+
+def _other(beginning: bytes) -> str:
+    """What a file is that begins like this and not like MCAP."""
+    if not beginning:
+        return "the file is empty"
+    return next((what for start, what in _OTHERS if beginning.startswith(start)), "no MCAP file")
 
 
 def _records(file: IO[bytes], wanted: Wanted) -> Iterator[McapRecord]:

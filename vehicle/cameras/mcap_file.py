@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from trepid.config import InputError
-from trepid.recording.foreign import messages_of, types_of
+from trepid.recording.foreign import messages_of, topics_in_words, types_of
 from trepid.spelling import did_you_mean
 from trepid.types import Image
 from trepid.wire import WireError
@@ -38,7 +38,8 @@ class McapFile(Playback):
 
 def _chosen(wanted: str | None, topics: dict[str, str], path: Path) -> str:
     if not topics:
-        raise InputError(f"{path}: holds no topic with {' or '.join(TYPES)} in CDR, as ROS 2 records them")
+        images = f"no topic with {' or '.join(TYPES)} in CDR, as ROS 2 records them"
+        raise InputError(f"{path}: holds {images}, but {topics_in_words(path)}")
     if wanted is None:
         if len(topics) > 1:
             raise InputError(

@@ -8,7 +8,7 @@ import numpy as np
 from learning.dataset.sources.log import Faults, Log, SteeringUnit
 from trepid.clock import nanoseconds
 from trepid.config import InputError
-from trepid.recording.foreign import types_of
+from trepid.recording.foreign import topics_in_words, types_of
 from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, VEHICLE_STATE, estimate_topic
@@ -79,7 +79,8 @@ def _images(path: Path) -> tuple[str, str]:
         if f"/{wanted}" in topics:
             return f"/{wanted}", topics[f"/{wanted}"]
     if len(topics) != 1:
-        held = f"several topics with images: {', '.join(topics)}" if topics else "no topic with images"
+        none = f"no topic with images, but {topics_in_words(path)}"
+        held = f"several topics with images: {', '.join(topics)}" if topics else none
         raise InputError(f"{path}: {held}; expected one, or {CAMERA_COMPRESSED.key}")
     return next(iter(topics.items()))
 

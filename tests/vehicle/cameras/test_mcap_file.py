@@ -164,6 +164,60 @@ def test_a_summary_that_repeats_no_schemas_or_channels_hides_no_image(
     assert frames_of(path) == EXPECTED
 
 
+def described(path: Path, name: str, encoding: str) -> Path:
+    """A file with images whose type is written as ``name`` and that say to be in ``encoding``."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="", library="another")
+        schema = writer.register_schema(name, "ros2msg", b"") if name else 0
+        front = writer.register_channel("/front", encoding, schema)
+        for at, data in images(4)[1]:
+            writer.add_message(front, at, data, at)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("name", ["sensor_msgs/Image", "sensor_msgs::msg::dds_::Image_"])
+def test_a_type_is_known_in_the_words_of_ros_1_and_dds(tmp_path: Path, name: str) -> None:
+    assert frames_of(described(tmp_path / "a.mcap", name, "cdr")) == EXPECTED
+
+
+@pytest.mark.parametrize(
+    ("name", "encoding", "said"),
+    [
+        ("sensor_msgs/Image", "ros1", "/front (sensor_msgs/Image in ros1)"),
+        ("foxglove.CompressedImage", "protobuf", "/front (foxglove.CompressedImage in protobuf)"),
+        ("", "cdr", "/front (without a type)"),
+    ],
+)
+def test_a_file_without_usable_images_is_refused_with_what_it_holds(
+    tmp_path: Path, name: str, encoding: str, said: str
+) -> None:
+    with pytest.raises(InputError, match="holds no topic with sensor_msgs/msg/Image") as refused:
+        frames_of(described(tmp_path / "a.mcap", name, encoding))
+    assert str(refused.value).endswith(f"but {said}")
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"", "the file is empty"),
+        (b"\x89MCAP0\r\n", "an MCAP file cut short before its first record"),
+        (b"#ROSBAG V2.0\n" + bytes(99), "a bag of ROS 1"),
+        (b"SQLite format 3\0" + bytes(99), "`ros2 bag convert`"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "`git lfs pull`"),
+    ],
+)
+def test_what_stands_in_place_of_a_recording_is_called_by_its_name(
+    tmp_path: Path, data: bytes, said: str
+) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"a\.mcap: not a recording: ") as refused:
+        types_of(path)
+    assert said in str(refused.value)
+
+
 def test_a_chunk_that_was_packed_in_several_frames_is_read_to_its_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
