@@ -3,7 +3,8 @@
 Separator: comma, semicolon, tab or bar, whichever divides most lines alike, or what a first line such as ``sep=;``
 of a spreadsheet says. Decimal mark: a comma in columns without decimal points, where the table has cells such as
 ``0,12`` or ``1.234,5``; these get a point. Marks after thousands are dropped, as in ``1,234.5`` and ``1 234,5``.
-What has two meanings, such as decimal commas between commas, is refused by its name.
+What has two meanings, such as decimal commas between commas, is refused by its name. Lines that begin with ``#`` or
+``%`` are comments, but the last one before the rows is the header where it has their cells, as NumPy writes it.
 """
 
 import csv
@@ -21,6 +22,8 @@ from trepid.types import Column
 SEPARATORS = (",", ";", "\t", "|")  # of two that fit alike the first
 SAMPLED = 200  # lines that tell the separator
 ROUNDED = 3  # rows a time, on average: rounded times
+_COMMENT = ("#", "%")
+_MINUS = "\u2212"  # as some programs write negative numbers
 _STATED = re.compile(r"\"?sep=(.)\"?", re.IGNORECASE)
 _COMMA_NUMBER = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
 _POINT_NUMBER = re.compile(r"\s*[+-]?\d*\.\d+(?:[eE][+-]?\d+)?\s*")
@@ -47,21 +50,26 @@ def read_rows(path: Path) -> list[Row]:
 
     Raises InputError when the file cannot be read or is empty, and for decimal commas in cells that commas divide.
     """
-    text = read_text(path, windows=True)
+    text = read_text(path, windows=True).replace(_MINUS, "-")
     first, _, rest = text.partition("\n")
     stated = _STATED.fullmatch(first.strip())
-    separator, skipped = (stated[1], 1) if stated else (_separator(text), 0)
-    reader = csv.reader(io.StringIO(rest if stated else text), delimiter=separator)
+    text = _without_comments(f"\n{rest}" if stated else text, stated[1] if stated else None)
+    separator = stated[1] if stated else _separator(text)
+    reader = csv.reader(io.StringIO(text), delimiter=separator)
+    rows: list[Row] = []
+    before = 0
     try:
-        rows = [
-            Row(reader.line_num + skipped, cells)
-            for cells in reader
-            if "".join(cells[:1]).strip() or cells[1:]
-        ]
+        for cells in reader:
+            if reader.line_num > before + 1:
+                where = f"{path}:{before + 1}"
+                raise InputError(
+                    f"{where}: a quotation mark that ends in line {reader.line_num} or not at all"
+                )
+            before = reader.line_num
+            if "".join(cells).strip():  # not the empty rows of a sheet
+                rows.append(Row(reader.line_num, cells))
     except csv.Error as error:
-        raise InputError(f"{path}:{reader.line_num + skipped}: cannot be read: {error}") from error
-    while rows and not "".join(rows[-1].cells).strip():
-        del rows[-1]  # the empty rest of a sheet
+        raise InputError(f"{path}:{reader.line_num}: cannot be read: {error}") from error
     if not rows:
         raise InputError(f"{path}: is empty")
     for row in rows[1:]:
@@ -71,6 +79,29 @@ def read_rows(path: Path) -> list[Row]:
     if separator != ",":
         detail(f"trepid: {path}: cells divided by {separator!r}")
     return _with_points(path, rows)
+
+
+def _without_comments(text: str, separator: str | None) -> str:
+    """``text`` with empty lines for its comments; a header after a mark of a comment is kept without the mark."""
+    lines = text.split("\n")
+    written = [number for number, line in enumerate(lines) if line.strip()]
+    comments = [number for number in written if lines[number].lstrip().startswith(_COMMENT)]
+    above = comments[: next((at for at, number in enumerate(written) if number not in comments[: at + 1]), 0)]
+    header = None
+    if above and len(above) < len(written):
+        named = lines[above[-1]].lstrip().lstrip("".join(_COMMENT))
+        first = lines[written[len(above)]]
+        by = separator or _separator(f"{first}\n{first}")
+        cells = next(csv.reader([first], delimiter=by))
+        if len(next(csv.reader([named], delimiter=by), [])) == len(cells) > 1 and any(
+            _NUMBER.fullmatch(cell) for cell in cells if cell.strip()
+        ):
+            header = above[-1], named
+    for number in comments:
+        lines[number] = ""
+    if header:
+        lines[header[0]] = header[1]
+    return "\n".join(lines)
 
 
 def refuse_halved_numbers(path: Path, rows: list[Row], columns: int) -> None:

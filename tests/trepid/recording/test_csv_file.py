@@ -58,6 +58,40 @@ def test_a_first_line_can_state_the_separator_and_lines_stay_counted(tmp_path: P
     ]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# made, by, a tool\nt_s,v\n0,1\n",
+        "% Octave\n\n# unit: s\nt_s,v\n# lap 2\n0,1\n",
+        "sep=;\n# a;b\nt_s;v\n0;1\n",
+        "# made by\n# t_s,v\n0,1\n",
+        "#t_s;v\n0;1\n",
+        "\n,\nt_s,v\n ,\n0,1\n,\n",
+    ],
+)
+def test_comments_and_empty_rows_are_no_rows_but_a_header_may_stand_in_a_comment(
+    tmp_path: Path, text: str
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    rows = read_rows(path)
+    assert [[cell.strip() for cell in row.cells] for row in rows] == [["t_s", "v"], ["0", "1"]]
+    assert text.split("\n")[rows[-1].line - 1].startswith("0")
+
+
+def test_a_quotation_mark_that_is_not_closed_swallows_no_rows(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text('t_s,v\n0,1\n1,"2\n2,3\n3,"4"\n')
+    with pytest.raises(InputError, match=r"a\.csv:3: a quotation mark that ends in line 5 or not at all"):
+        read_rows(path)
+
+
+def test_a_minus_of_typesetting_is_a_minus(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t_s,v\n0,\u22121.5\n", encoding="utf-8")
+    assert cells(path)[1] == ["0", "-1.5"]
+
+
 def test_rows_with_a_separator_at_their_end_have_no_further_cell(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("a,b\n1,2,\n3,4,\n,,\n")
