@@ -34,15 +34,17 @@ SIGNS = {
 
 GRAMMAR = r"""
 start: _FUNCTION_BLOCK NAME (var_input | var_output | fuzzify | defuzzify | ruleblock | option)* _END_FUNCTION_BLOCK
-var_input: _VAR_INPUT (NAME _COLON _REAL _SEMICOLON)* _END_VAR
-var_output: _VAR_OUTPUT (NAME _COLON _REAL _SEMICOLON)* _END_VAR
+var_input: _VAR_INPUT variables* _END_VAR
+var_output: _VAR_OUTPUT variables* _END_VAR
+variables: NAME (_COMMA NAME)* _COLON _REAL subrange? _SEMICOLON
+subrange: LPAR NUMBER _DOTS NUMBER RPAR
 fuzzify: _FUZZIFY NAME (term | range)* _END_FUZZIFY
 defuzzify: _DEFUZZIFY NAME (term | range | default | _setting | _METHOD _COLON COGS _SEMICOLON)* _END_DEFUZZIFY
 term: _TERM NAME _ASSIGN (singleton | corner*) _SEMICOLON
 singleton: NUMBER
 corner: LPAR NUMBER _COMMA NUMBER RPAR
 range: RANGE _ASSIGN LPAR NUMBER _DOTS NUMBER RPAR _SEMICOLON
-default: DEFAULT _ASSIGN NUMBER _SEMICOLON
+default: DEFAULT _ASSIGN (NUMBER | NAME) _SEMICOLON
 _setting: (_AND | _ACT) _COLON _MIN _SEMICOLON
     | (_OR | _ACCU) _COLON _MAX _SEMICOLON
     | _METHOD _COLON _COG _SEMICOLON

@@ -51,6 +51,7 @@ class _Reader:
             "because": {},  # cause of each rule that states one
         }
         self.outputs: dict[str, dict[str, tuple[Token, list[Corner]]]] = {}
+        self.known = set(LEVELS)  # names of sets and variables
         self.words: list[list[tuple[int, Token]]] = []  # of each rule, with their offsets in its sentence
         self.labels: dict[str, int] = {}
         self.places: dict[tuple[str | int, ...], Token] = {}
@@ -58,31 +59,56 @@ class _Reader:
 
     def file(self) -> RuleFile:
         _, *blocks = self.source.tree().children
+        self.spell(blocks)
         for block in blocks:
             assert isinstance(block, Tree)
             read: Callable[[list[Any]], None] = getattr(self, str(block.data))
             read(block.children)
         return self.checked()
 
-    def var_input(self, names: list[Any]) -> None:
-        for name in names:
-            self.data["inputs"][str(name)] = {"meaning": str(name), "unit": "1", "sets": {}}
-            self.places["inputs", str(name)] = name
+    def spell(self, blocks: list[Any]) -> None:
+        """Write the names of sets and variables in small letters: capitals make no difference in IEC 61131-3."""
+        declared = [
+            part for block in blocks if block.data in ("var_input", "var_output") for part in block.children
+        ]
+        self.known |= {name.lower() for part in declared for name in _names(part)}
+        for block in blocks:
+            for part in block.iter_subtrees():
+                part.children = [self.spelled(child) for child in part.children]
 
-    def var_output(self, names: list[Any]) -> None:
-        for name in names:
-            if name != FEAR and not name.startswith(TRUST_PREFIX):
-                expected = f"{FEAR!r} or {TRUST_PREFIX}NAME"
-                self.source.fail(name, f"expected {expected}, got {str(name)!r}{hint(name, [FEAR])}")
-            self.outputs[str(name)] = {}
-            self.places["estimators", len(self.outputs) - 1] = name
+    def spelled(self, child: Any) -> Any:
+        is_known = isinstance(child, Token) and child.type == "NAME" and child.lower() in self.known
+        return child.update(value=child.lower()) if is_known else child
+
+    def var_input(self, parts: list[Any]) -> None:
+        for part in parts:
+            for name in _names(part):
+                self.data["inputs"][str(name)] = {"meaning": str(name), "unit": "1", "sets": {}}
+                self.places["inputs", str(name)] = name
+                for subrange in part.find_data("subrange"):
+                    self.set_range(str(name), subrange)
+
+    def var_output(self, parts: list[Any]) -> None:
+        for part in parts:
+            for name in _names(part):
+                if name != FEAR and not name.startswith(TRUST_PREFIX):
+                    expected = f"{FEAR!r} or {TRUST_PREFIX}NAME"
+                    self.source.fail(name, f"expected {expected}, got {str(name)!r}{hint(name, [FEAR])}")
+                self.outputs[str(name)] = {}
+                self.places["estimators", len(self.outputs) - 1] = name
+            for subrange in part.find_data("subrange"):
+                self.require(_numbers(subrange) == (0, 1), subrange.children[0], "the range 0 .. 1")
+
+    def set_range(self, name: str, part: Any) -> None:
+        self.data["inputs"][name]["range"] = _numbers(part)
+        self.places["inputs", name, "range"] = part.children[0]
 
     def fuzzify(self, parts: list[Any]) -> None:
         name = self.source.expect(parts[0], self.data["inputs"])
         spec, ends = self.data["inputs"][name], dict[str, Corner]()
         for part in parts[1:]:
             if part.data == "range":
-                spec["range"] = _numbers(part)
+                self.set_range(name, part)
                 continue
             level, corners = self.term(part)
             spec["sets"][str(level)] = self.shape(level, corners)
@@ -220,6 +246,10 @@ class _Reader:
         while path and path not in self.places:
             path = path[:-1]
         return self.places.get(path)
+
+
+def _names(part: Any) -> list[Token]:
+    return [token for token in part.children if isinstance(token, Token)]
 
 
 def _numbers(part: Any) -> tuple[float, ...]:

@@ -120,9 +120,14 @@ RULE = "IF a IS low AND NOT (b IS high) THEN fear IS medium WITH 0.5"
         ("METHOD : COG;", "method : cogs;"),
         ("fear IS medium WITH", "(fear IS medium) WITH"),
         ("fear IS medium WITH", "((fear IS medium)) WITH"),
+        ("a : REAL; b : REAL;", "a, b : REAL;"),
+        ("b : REAL; END_VAR", "b : REAL (0..1.0); END_VAR"),
+        ("fear : REAL;", "Fear : REAL (0. .. 1.);"),
+        (RULE, RULE.replace("a IS low", "A IS Low").replace("fear IS medium", "FEAR IS MEDIUM")),
+        ("VAR_INPUT a", "VAR_INPUT A"),
     ],
 )
-def test_comments_cogs_of_singletons_and_brackets_of_a_conclusion_change_nothing(old: str, new: str) -> None:
+def test_comments_cogs_brackets_ranges_and_capitals_change_nothing(old: str, new: str) -> None:
     assert old in FOREIGN
     plain = parse_fcl(FOREIGN, source="f.fcl", like=SHIPPED.file)
     assert parse_fcl(FOREIGN.replace(old, new, 1), source="f.fcl", like=SHIPPED.file) == plain
@@ -172,6 +177,9 @@ def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_states() -> N
         ("METHOD : COG;", "METHOD : MOM;", ": expected 'COG' or 'COGS', got 'MOM'"),
         ("DEFAULT := 1;", "DEFAULT := 0;", "expected the default 1"),
         ("RANGE := (0 .. 1)", "RANGE := (0 .. 2)", "expected the range 0 .. 1"),
+        ("fear : REAL;", "fear : REAL (0..2);", "expected the range 0 .. 1"),
+        ("a : REAL;", "a : REAL (1 .. 0);", ":3:3: inputs.a: range must rise"),
+        ("DEFAULT := 1;", "DEFAULT := NC;", "expected the default 1: where no rule fires"),
         ("AND : MIN;", "AND : PROD;", "expected 'MIN', got 'PROD'"),
         ("RULE 2 ", "RULE 1 ", "expected a number that no earlier rule has"),
         ("IF a IS high", "IF aa IS high", "unknown input 'aa'; did you mean 'a'?"),
