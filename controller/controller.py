@@ -42,7 +42,7 @@ from controller.steering_learner import LearningSettings, SteeringLearner
 from trepid.bounds import at_least, at_most, within
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
-from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read
+from trepid.config import CONFIG_DIR, InputError, Settings, fault_line, load, read
 from trepid.messages import Command, Decision, Losses, Mode, Stop, VehicleState
 from trepid.processes.lateness import Lateness, LatenessLimits
 from trepid.scale import ReferenceWorld
@@ -101,7 +101,7 @@ def build(vehicle: Vehicle | None = None, settings_file: Path | None = None) -> 
         decel_mps2 = getattr(settings.speed, name).decel_mps2 * vehicle.scale
         if decel_mps2 > STRONGEST_MPS2 * (1.0 + _ROUNDING):
             what = f"{decel_mps2:g} m/s² is above {STRONGEST_MPS2:g}, the limit of UN R157 for such a stop"
-            raise InputError(located(("speed", name, "decel_mps2"), what, read(path), path))
+            raise InputError(fault_line(("speed", name, "decel_mps2"), what, read(path), path))
     return Controller(vehicle, settings)
 
 
@@ -156,9 +156,9 @@ class Controller:
         ``malformed``: an input is malformed, or of a clock that stepped back; the one that is given is older.
         ``losses``: the newest report of the launcher.
         """
-        decision = self._reference.enlarged("decision", decision)
-        state = self._reference.enlarged("state", state)
-        dt_s = self._elapsed(now_s)
+        decision = self._reference.enlarge("decision", decision)
+        state = self._reference.enlarge("state", state)
+        dt_s = self._elapsed_time_s(now_s)
         frame_s = decision.t_s if decision is not None else None
         if frame_s is not None and not math.isfinite(frame_s):
             frame_s = None
@@ -178,10 +178,10 @@ class Controller:
         speed_mps = state.speed_mps if state is not None else None
         steered_mps = self._reckoned.step(speed_mps, dt_s)
         if state is not None and steered_mps is not None:
-            self._predictor.measured(state, steered_mps)
+            self._predictor.add_state(state, steered_mps)
         acting = self._acting(now_s)
         angle_rad = self._steer(acting, state, steered_mps, dt_s)
-        self._predictor.commanded(angle_rad, now_s=now_s)
+        self._predictor.add_command(angle_rad, now_s=now_s)
         drivable = self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
         driver = state is not None and state.driver_override
         if driver:  # lost inputs do not matter while a driver steers
@@ -199,14 +199,14 @@ class Controller:
             t_s=frame_s, road_wheel_angle_rad=wheel_rad, speed_mps=goal_mps, accel_mps2=accel_mps2
         )
         self._reckoned.demand_mps2 = accel_mps2
-        return self._reference.restored(command)
+        return self._reference.restore(command)
 
     @property
     def _vehicle(self) -> Vehicle:
         """The vehicle with the learned parameters."""
         return self.learner.vehicle
 
-    def _elapsed(self, now_s: float) -> float:
+    def _elapsed_time_s(self, now_s: float) -> float:
         """Time since the last step, 0 on the first; 0 where the clock runs backwards."""
         if self._now_s is None:
             self._now_s = self._healthy_s = now_s

@@ -51,7 +51,7 @@ class ControllerNode:
         self._journal.note(began_s)
         if fresh:
             self._times.note(command.t_s, self._decision, began_s=began_s)
-        self._me.stepped()
+        self._me.count_step()
 
 
 @contextmanager

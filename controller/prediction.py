@@ -48,11 +48,11 @@ class Predictor:
         if vehicle is not self._vehicle:
             self._vehicle, self._tyres = vehicle, Tyres(vehicle)
 
-    def measured(self, state: VehicleState, speed_mps: float) -> None:
+    def add_state(self, state: VehicleState, speed_mps: float) -> None:
         """Add a vehicle state; a repeated or older one changes nothing."""
         if self._motion and state.t_s <= self._motion[-1][0]:
             return
-        self._timing.measured(state)
+        self._timing.add_state(state)
         if state.road_wheel_angle_rad is not None:
             self._wheel_rad = state.road_wheel_angle_rad
         elif self._commands:
@@ -71,9 +71,9 @@ class Predictor:
         before_s, _, before_rate, drift_rad = self._motion[-1]
         return self._tyres.drift_after(drift_rad, 0.5 * (before_rate + rate), speed_mps, t_s - before_s)
 
-    def commanded(self, angle_rad: float, *, now_s: float) -> None:
+    def add_command(self, angle_rad: float, *, now_s: float) -> None:
         """Add a command given at ``now_s``."""
-        self._timing.commanded(angle_rad, now_s=now_s)
+        self._timing.add_command(angle_rad, now_s=now_s)
         self._commands.append((now_s, angle_rad))
         while len(self._commands) > 1 and self._commands[1][0] < now_s - self._longest_s:
             self._commands.popleft()
@@ -104,7 +104,7 @@ class Predictor:
             return Acting(lane, 0.0, 0.0, 0.0, 0.0, lane)
         speed_mps = self._motion[-1][1]
         dead_s = self._dead_s
-        then, wheel_rad, turning = self._along_commanded(lane, valid_s - dead_s, now_s)
+        then, wheel_rad, turning = self._along_commands(lane, valid_s - dead_s, now_s)
         return Acting(
             lane=then._replace(heading_rad=then.heading_rad + turning.drift_rad),
             speed_mps=speed_mps,
@@ -114,7 +114,7 @@ class Predictor:
             seen=lane,
         )
 
-    def _along_commanded(self, lane: Lane, from_s: float, to_s: float) -> tuple[Lane, float, Turning]:
+    def _along_commands(self, lane: Lane, from_s: float, to_s: float) -> tuple[Lane, float, Turning]:
         """Lane, wheel angle and turn after the commands given between the two times, each one dead time later.
 
         Before the first kept command the demand is the measured wheel angle.

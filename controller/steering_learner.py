@@ -152,7 +152,7 @@ class SteeringLearner:
             self._filter.walk(dt_s)
             self._filter.hold_gradient()
             self._filter.learn((0.0, 0.0, 1.0, 0.0), rate - self._filter.x[2], STANDING_RADPS**2, dt_s)
-            self._bound()
+            self._bound_estimates()
             return self._pause("standing")
         if speed_mps < self._settings.slowest_mps:
             return self._pause("too slow")
@@ -198,10 +198,10 @@ class SteeringLearner:
             smooth.angle_rate_radps,
         )
         kalman.learn(rows, smooth.difference_rad - expected, ERROR_RAD**2, dt_s)
-        self._bound()
+        self._bound_estimates()
         return LEARNING[1 if bend else 0]
 
-    def _bound(self) -> None:
+    def _bound_estimates(self) -> None:
         """Keep the estimates within their bounds."""
         x = self._filter.x
         x[0] = at_least(at_most(x[0], self._start + self._span), self._least)

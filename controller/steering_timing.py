@@ -47,7 +47,7 @@ class SteeringTiming:
             return 0.0
         return within(-(xy - x * y / one) / (xx - x * x / one + _PRIOR), self._most_s)
 
-    def commanded(self, angle_rad: float, *, now_s: float) -> None:
+    def add_command(self, angle_rad: float, *, now_s: float) -> None:
         """Add a command given at ``now_s``; without a limit for the estimate there is nothing to learn."""
         if self._most_s == 0.0:
             return
@@ -55,7 +55,7 @@ class SteeringTiming:
         while self._coming[0][0] < now_s - _LONGEST_S:
             self._coming.popleft()
 
-    def measured(self, state: VehicleState) -> None:
+    def add_state(self, state: VehicleState) -> None:
         """Update with a vehicle state; one under a driver is not used."""
         wheel_rad = state.road_wheel_angle_rad
         if self._most_s == 0.0 or wheel_rad is None:

@@ -131,19 +131,19 @@ def _drive(
         raise InputError("--set changes a scenario, and this car has no simulator; give --scenario too")
     course = course_for(scenario, parse_overrides(changes or []), chosen or (), duration_s=duration)
 
-    def started(text: str) -> None:
+    def report_start(text: str) -> None:
         life.cancel()
         say(text)
 
     door = page.door(settings)
     port = foxglove_port(settings.foxglove_port) if page.foxglove else None
-    with shown(dashboard) as show:
+    with show_drive(dashboard) as show:
         return drive_course(
             course,
             settings,
             seed=seed,
             show=show,
-            say=started,
+            say=report_start,
             record=record,
             raw_images=raw_images,
             page=door,
@@ -162,7 +162,7 @@ def say(text: str) -> None:
 
 
 @contextmanager
-def shown(dashboard: bool) -> "Iterator[Show]":
+def show_drive(dashboard: bool) -> "Iterator[Show]":
     """Display of the drive on standard error: a live table in a terminal, else a line every few seconds.
 
     Without the table, each new warning or error of a process is a line of its own; these only, when quiet.

@@ -7,7 +7,7 @@ from drive.log import DriveLog
 from trepid.processes.launch import Fleet
 
 
-def evaluated(
+def evaluate(
     log: DriveLog,
     fleet: Fleet,
     course: Course,
@@ -23,11 +23,11 @@ def evaluated(
     not.
     """
     verdict = log.judge.verdict(problems, elapsed_s=elapsed_s)
-    row = {"scenario": course.scenario, "seed": seed} | _judged(log, verdict, notes)
+    row = {"scenario": course.scenario, "seed": seed} | _judge(log, verdict, notes)
     return row | _processes(log, fleet) if verdict.scores else row
 
 
-def _judged(log: DriveLog, verdict: Verdict, notes: list[str]) -> dict[str, Any]:
+def _judge(log: DriveLog, verdict: Verdict, notes: list[str]) -> dict[str, Any]:
     """The judgement; of a car that never drove a note says what it waited for."""
     notes = [*verdict.notes, *notes]
     if not verdict.driven and verdict.scores:
@@ -48,7 +48,7 @@ def _processes(log: DriveLog, fleet: Fleet) -> dict[str, Any]:
                 "pid": child.popen.pid,
                 "restarts": child.restarts,
                 **log.loads.of(name),
-                "malformed": log.malformed(name),
+                "malformed": log.malformed_count(name),
             }
             for name, child in fleet.children.items()
         },

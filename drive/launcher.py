@@ -19,18 +19,18 @@ from drive.monitor import Monitor, Show
 from drive.plan import (
     context_of,
     networks_in,
-    planned,
+    plan_processes,
 )
 from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import car_folder
 from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.endpoint import usable_endpoint
-from trepid.processes.fused import gathered
+from trepid.processes.fused import gather_specs
 from trepid.processes.launch import Child, Fleet
 from trepid.processes.page_door import FOXGLOVE, PAGE, PageDoor
-from trepid.processes.register import Running, registered, ticks
-from trepid.processes.settings import RECORDER, ProcessSpec, check_vehicle, load_processes, published_by
+from trepid.processes.register import Running, register_drive, ticks
+from trepid.processes.settings import RECORDER, ProcessSpec, check_vehicle, load_processes, published_keys
 from trepid.recording.ring import ring_name
 from trepid.recording.writer import check_recording
 from trepid.security import LAUNCHER, session_settings
@@ -70,7 +70,7 @@ def drive(
     clock = epoch_clock(offset_ns)
     endpoint = usable_endpoint()
     check_keys([spec.name for spec in specs])
-    secured = session_settings(LAUNCHER, publishes=published_by(specs), listen=endpoint)
+    secured = session_settings(LAUNCHER, publishes=published_keys(specs), listen=endpoint)
     car = car_folder()
     running = Running(
         pid=os.getpid(),
@@ -105,10 +105,10 @@ def drive(
             endpoint=endpoint,
             clock_offset_ns=offset_ns,
             context=context,
-            started=recorder_awaited(bus) if record is not None else lambda _: None,
+            started=recorder_wait(bus) if record is not None else lambda _: None,
         ) as fleet,
-        woken_by_exits(bus),
-        registered(running),
+        wake_by_exits(bus),
+        register_drive(running),
     ):
         for name, why in plan.findings.misfits.items():
             say(f"the estimator {name} does not run: {why}")
@@ -130,12 +130,12 @@ def telling(show: Show, say: Callable[[str], None], addresses: dict[str, str]) -
     """``show``, which also passes to ``say`` the line of each of ``addresses`` once its process listens there."""
     waiting = dict(addresses)
 
-    def shown(log: DriveLog, fleet: Fleet, elapsed_s: float) -> None:
+    def show_drive(log: DriveLog, fleet: Fleet, elapsed_s: float) -> None:
         for name in waiting.keys() & log.diagnostics.keys():
             say(waiting.pop(name))
         show(log, fleet, elapsed_s)
 
-    return shown
+    return show_drive
 
 
 class Plan(NamedTuple):
@@ -149,15 +149,15 @@ class Plan(NamedTuple):
 
 def plan_of(course: Course, *, recorded: bool, page: bool, foxglove: bool) -> Plan:
     """The checked processes of a drive of ``course``. Raises InputError where they fit neither course nor car."""
-    own = planned(load_processes(), course, recorded=recorded, page=page, foxglove=foxglove)
+    own = plan_processes(load_processes(), course, recorded=recorded, page=page, foxglove=foxglove)
     estimators = course.estimators(own)
     check_vehicle(own)
     findings = course.check(own)
-    specs = tuple(sorted(gathered(own), key=lambda spec: spec.name != RECORDER))
+    specs = tuple(sorted(gather_specs(own), key=lambda spec: spec.name != RECORDER))
     return Plan(specs, estimators, networks_in(own), findings)
 
 
-def recorder_awaited(bus: Bus) -> Callable[[Child], None]:
+def recorder_wait(bus: Bus) -> Callable[[Child], None]:
     """A function that waits until a recorder that has just been started hears the other processes.
 
     The recording of a drive then holds the first step of every node, which a replay begins with.
@@ -176,7 +176,7 @@ def recorder_awaited(bus: Bus) -> Callable[[Child], None]:
 
 
 @contextmanager
-def woken_by_exits(bus: Bus) -> Iterator[None]:
+def wake_by_exits(bus: Bus) -> Iterator[None]:
     """The end of a process ends the wait of ``bus``, so that it is reported at once."""
     before = signal.signal(signal.SIGCHLD, lambda *_: bus.wake())
     try:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Set
 from typing import Any
 
 from drive.course import Course
-from drive.evaluation import evaluated
+from drive.evaluation import evaluate
 from drive.log import DriveLog
 from drive.losses import LossReport
 from drive.overview import Overview
@@ -73,7 +73,7 @@ class Monitor:
     def _becomes_ready(self, signals: list[str]) -> bool:
         while not signals:
             for exited in self._fleet.collect_exits():
-                raise InputError(self._not_started(exited))
+                raise InputError(self._start_fault(exited))
             missing = self._missing()
             if not (missing or self._released or self._log.decision is None):
                 self._release()
@@ -85,7 +85,7 @@ class Monitor:
             first = "the first decision" if self._log.decision is None else "the start of the scenario"
             self._log.waiting = f"waiting for {', '.join(missing) or first}"
             self._receive(self._log.waiting)
-            if self._elapsed_s() > self._settings.ready_timeout_s:
+            if self._elapsed_time_s() > self._settings.ready_timeout_s:
                 raise InputError(self._not_ready(missing))
         self._problems += signals
         return False
@@ -109,7 +109,7 @@ class Monitor:
 
     def watch(self, signals: list[str]) -> None:
         """Monitor until the end of the course or the duration, standstill after a loss, or a signal."""
-        while not self._finished(signals):
+        while not self._is_finished(signals):
             self._receive("; ".join([*self._problems, *self._notes]))
             self._simulate_losses()
             self._end_silent_processes()
@@ -132,17 +132,17 @@ class Monitor:
         self._began_s = self._clock()
         self._overview.begin(self._began_s)
 
-    def _finished(self, signals: list[str]) -> bool:
+    def _is_finished(self, signals: list[str]) -> bool:
         """True at the end of the drive. A real car is stopped before; a second signal ends at once."""
         duration_s = self._course.duration_s
-        over = bool(signals) or (duration_s is not None and self._elapsed_s() >= duration_s)
+        over = bool(signals) or (duration_s is not None and self._elapsed_time_s() >= duration_s)
         over = over or (self._log.truth is not None and self._log.truth.finished)
         if over and self._course.stops_at_end and len(signals) < 2 and not self._stands():
             if self._ended_s is None:
                 self._ended_s = self._clock()
                 self._losses.request_stop()
             return self._fails_to_stop(self._clock() - self._ended_s, "the end")
-        return over or self._stopped_after_loss()
+        return over or self._has_stopped_after_loss()
 
     def _stands(self) -> bool:
         """True when the car reports standstill, or reports no speed at all."""
@@ -153,18 +153,18 @@ class Monitor:
 
     def _lose(self, exited: UnexpectedExit) -> bool:
         """Note an unexpected end and its effect; True when the drive cannot go on."""
-        said = f"{exited} at {self._elapsed_s():.1f} s"
+        said = f"{exited} at {self._elapsed_time_s():.1f} s"
         self._log.diagnostics.pop(exited.name, None)
-        self._overview.ended(exited.name, str(exited))
+        self._overview.keep_end(exited.name, str(exited))
         if self._losses.lose(exited.name) is not Loss.STOP:
             self._notes.append(said)
             return False
         self._problems.append(said)
-        self._lost_s = self._elapsed_s() if self._lost_s is None else self._lost_s
+        self._lost_s = self._elapsed_time_s() if self._lost_s is None else self._lost_s
         spec = self._fleet.children[exited.name].spec
         return spec.simulates and spec.restart is Restart.NEVER
 
-    def _not_started(self, exited: UnexpectedExit) -> str:
+    def _start_fault(self, exited: UnexpectedExit) -> str:
         spec = self._fleet.children[exited.name].spec
         where = f"{spec.place}: " if spec.place and not exited.from_bad_input else ""
         return f"{where}{exited}"
@@ -182,19 +182,19 @@ class Monitor:
 
     def row(self, seed: int, *, remark: str = "") -> dict[str, Any]:
         """The result of the run as a row of ``drive --json``. ``remark``: about the car, "" for none."""
-        return evaluated(
+        return evaluate(
             self._log,
             self._fleet,
             self._course,
             seed=seed,
-            elapsed_s=self._elapsed_s(),
+            elapsed_s=self._elapsed_time_s(),
             problems=self._problems,
             notes=[*self._notes, *filter(None, [remark])],
         )
 
     def _simulate_losses(self) -> None:
         """Pause the processes that the course loses now, and resume the others."""
-        lost = self._course.lost(self._elapsed_s())
+        lost = self._course.lost(self._elapsed_time_s())
         for name in lost - self._paused:
             self._fleet.pause(name)
         for name in self._paused - lost:
@@ -211,9 +211,9 @@ class Monitor:
         now_s = self._clock()
         if now_s - self._shown_s >= self._settings.status_period_s:
             self._shown_s = now_s
-            self._show(self._log, self._fleet, self._elapsed_s())
+            self._show(self._log, self._fleet, self._elapsed_time_s())
 
-    def _elapsed_s(self) -> float:
+    def _elapsed_time_s(self) -> float:
         return self._clock() - self._began_s
 
     def _end_silent_processes(self) -> None:
@@ -224,15 +224,15 @@ class Monitor:
             (self._problems if loss is Loss.STOP else self._notes).append(said)
             self._fleet.kill(name)
 
-    def _stopped_after_loss(self) -> bool:
+    def _has_stopped_after_loss(self) -> bool:
         """True at standstill after the loss of a process, or after the time limit for it."""
         if self._lost_s is None:
             return False
         speed_mps = self._log.state.speed_mps if self._log.state else None
         if speed_mps is not None and abs(speed_mps) < self._settings.standstill_mps:
-            self._problems.append(f"the car stopped {self._elapsed_s() - self._lost_s:.1f} s after that")
+            self._problems.append(f"the car stopped {self._elapsed_time_s() - self._lost_s:.1f} s after that")
             return True
-        return self._fails_to_stop(self._elapsed_s() - self._lost_s, "that")
+        return self._fails_to_stop(self._elapsed_time_s() - self._lost_s, "that")
 
     def _fails_to_stop(self, since_s: float, what: str) -> bool:
         """True, and a problem, when the car has moved on for longer than the time limit since ``what``."""

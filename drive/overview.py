@@ -34,7 +34,7 @@ class Overview:
         self._began_s = now_s
         self._notifier.ready()
 
-    def ended(self, name: str, reason: str) -> None:
+    def keep_end(self, name: str, reason: str) -> None:
         """Keep the reason of the end of the process ``name``."""
         self._ends[name] = reason
 

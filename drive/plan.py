@@ -26,7 +26,7 @@ def has_simulator() -> bool:
     return is_simulated(load_processes())
 
 
-def planned(
+def plan_processes(
     specs: tuple[ProcessSpec, ...],
     course: Course,
     *,

@@ -19,10 +19,10 @@ def reason(decision: Decision | None, *, command: Command | None = None, driver:
     """
     if driver or decision is None:
         return DRIVER if driver else NO_DECISION
-    return decision.waits_for or _stop(decision) or _own_limit(decision, command) or _limited(decision)
+    return decision.waits_for or _stop(decision) or _own_limit(decision, command) or _limit_words(decision)
 
 
-def fired(decision: Decision) -> list[tuple[str, float]]:
+def fired_rules(decision: Decision) -> list[tuple[str, float]]:
     """The rules that fired and their strengths, strongest first; all missing inputs are one row, with the cause."""
     rows = list(zip(decision.rules, decision.rule_strengths, strict=False))
     missing = [text.removeprefix(MISSING).partition(":")[0] for text, _ in rows if text.startswith(MISSING)]
@@ -52,7 +52,7 @@ def _own_limit(decision: Decision, command: Command | None) -> str:
     return "" if behind_s > 0.0 else STOPS
 
 
-def _limited(decision: Decision) -> str:
+def _limit_words(decision: Decision) -> str:
     """The speed cap and what sets it; the vehicle that the car follows."""
     most = f"at most {decision.speed_cap_mps:.1f} m/s"
     if decision.mode is Mode.FOLLOW:

@@ -103,7 +103,7 @@ class Tally:
                 self._stop_cause = None
             self._stops = stops
 
-    def _engaged_percent(self) -> float:
+    def _engaged_share_percent(self) -> float:
         """Share of the time in a mode that drives [%]; 0.0 without any decision."""
         driving_s = sum(held_s for mode, held_s in self._modes.items() if mode != Mode.STOP)
         return 100.0 * driving_s / self._duration_s if self._duration_s else 0.0
@@ -114,7 +114,7 @@ class Tally:
         ``distance_m`` is the integral of the measured speed, None where the car does not measure it.
         """
         measured = self._measured_s > 0.0
-        distance_m, engaged_percent = self._distance_m if measured else None, self._engaged_percent()
+        distance_m, engaged_percent = self._distance_m if measured else None, self._engaged_share_percent()
         interventions, driven = self._takeovers.count, has_driven(distance_m, engaged_percent)
         return {
             "duration_s": self._duration_s,

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import cv2
 
-from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
 from perception.estimators import (
     ESTIMATORS,
     NETWORK_SUFFIX,
@@ -19,7 +19,7 @@ from perception.estimators import (
     no_estimator,
 )
 from perception.images.frames import CameraFor, FrameResult, Step, Unread, results
-from perception.images.outline import outlined
+from perception.images.outline import with_boundaries
 from perception.images.sources import Footage, Source, Still
 from perception.lead.leads import Leads, lead_results
 from trepid.car.camera import Camera
@@ -63,7 +63,9 @@ def estimate(
     frame that is asked for.
     """
     unread, drive_fps = unread or Unread(strict=strict), fps if as_drive else None
-    found = _begun(lambda: _lane_results(as_paths(inputs), estimator, _path(camera), unread, drive_fps))
+    found = _begin_on_demand(
+        lambda: _lane_results(as_paths(inputs), estimator, _path(camera), unread, drive_fps)
+    )
     return in_car(car, found)
 
 
@@ -90,7 +92,7 @@ def find_leads(
             as_paths(inputs), cameras(_path(camera))[0], unread, _path(detector), drive_fps=drive_fps
         )
 
-    return in_car(car, _begun(begin))
+    return in_car(car, _begin_on_demand(begin))
 
 
 def _lane_results(
@@ -159,7 +161,7 @@ def as_paths(inputs: Paths) -> list[Path]:
     return paths
 
 
-def _begun(begin: Callable[[], Iterator[R]]) -> Iterator[R]:
+def _begin_on_demand(begin: Callable[[], Iterator[R]]) -> Iterator[R]:
     """``begin()``, begun when the first item is asked for."""
     yield from begin()
 
@@ -177,7 +179,7 @@ def _step(entry: Entry, assumed: bool, source: Source, camera: Camera) -> Step[S
     """A fresh estimator, stepped without odometry; a lane without boundaries gets those of its width."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     estimator = entry.build(camera, vehicle, assumed=assumed and not brings_camera(source))
-    return lambda frame: outlined(estimator.step(frame, None, now_s=frame.t_s), camera, vehicle)
+    return lambda frame: with_boundaries(estimator.step(frame, None, now_s=frame.t_s), camera, vehicle)
 
 
 def _camera_of_the_car() -> Path | None:
@@ -194,9 +196,9 @@ def _camera_for(known: Camera | None, source: Source, image: Image) -> Camera:
     if known is None and brings_camera(source):
         known = load(CONFIG_DIR / "camera.yaml", Camera)
     if known is not None:
-        return known.resized(image.shape[1], image.shape[0])
+        return known.resize(image.shape[1], image.shape[0])
     if isinstance(source, Footage):
         note(f"{source.path}: states no camera: {ASSUMED}")
     scale = load(CONFIG_DIR / "vehicle.yaml", Vehicle).scale
     images = [image] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES)
-    return scaled_settings(self_calibrated(images, lane_cv_settings().self_calibration), scale)
+    return scaled_settings(calibrate_by_images(images, lane_cv_settings().self_calibration), scale)

@@ -44,8 +44,8 @@ class ScaledEstimator:
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The estimate of ``frame`` with lengths of the car's own world."""
-        estimate = self._estimator.step(frame, self._reference.enlarged("state", state), now_s=now_s)
-        return self._reference.restored(estimate)
+        estimate = self._estimator.step(frame, self._reference.enlarge("state", state), now_s=now_s)
+        return self._reference.restore(estimate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,14 +252,14 @@ def _of_other_packages() -> dict[str, Entry]:
     return {
         name: Entry(
             f"added by the package {point.dist.name if point.dist else '?'}",
-            partial(_added, name),
+            partial(_build_added, name),
             source=point.value,
         )
-        for name, point in plugins.added(plugins.Group.ESTIMATORS).items()
+        for name, point in plugins.added_entry_points(plugins.Group.ESTIMATORS).items()
     }
 
 
-def _added(name: str, camera: Camera, vehicle: Vehicle) -> Estimator:
+def _build_added(name: str, camera: Camera, vehicle: Vehicle) -> Estimator:
     from trepid import plugins
 
     return plugins.part(plugins.Group.ESTIMATORS, name, {})(camera, vehicle)

@@ -65,7 +65,7 @@ class EstimatorNode:
         self._send_estimate(self._last)
         self._times.note(frame.t_s, self._frames, began_s=began_s)
         self._journal.note(began_s)
-        me.stepped()
+        me.count_step()
 
     def _report_broken(self) -> None:
         """Publish a broken estimate of the last frame, once until the next frame."""

@@ -102,10 +102,10 @@ class SupervisorNode:
         self._first_s, self._last = None, None
         change = self._changes.take()
         if change is not None:
-            self._health = change.adopted(self._supervisor.adopt)
+            self._health = change.apply(self._supervisor.adopt)
             if self._health[0] is Health.OK:
                 self._adopted.append(change.values(from_s=now_s))
-        self._me.stepped(*self._health)
+        self._me.count_step(*self._health)
 
     def _of_one_frame(self) -> bool:
         """True when the newest messages of all estimators are of one frame."""

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from supervisor.inputs.validation import ValidationSettings
 from supervisor.inputs.watchdog import FAULTS, LEAD, STATISTICS, Watchdog, cause_of_lateness
-from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explained, is_image_late
+from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, is_image_late, traced_cause
 from supervisor.modes.doubts import Doubts, is_guess, moment
 from supervisor.modes.modes import Effect, ModeSettings, ModeState, brake_of, next_state
 from supervisor.modes.speed import Cap, SpeedFactor, least_cap
@@ -30,7 +30,7 @@ from supervisor.situation.world_state import WorldState, WorldStateObserver
 from trepid.bounds import at_most
 from trepid.car.vehicle import Vehicle
 from trepid.causes import Cause, unknown_cause
-from trepid.config import CONFIG_DIR, InputError, Settings, default_file, load, located, read, read_text
+from trepid.config import CONFIG_DIR, InputError, Settings, default_file, fault_line, load, read, read_text
 from trepid.loudness import warn
 from trepid.messages import (
     Decision,
@@ -93,7 +93,7 @@ class SupervisorSettings(Settings):
             raise InputError(f"the fear rules: {fault}")
         for path, problem in self.problems(rules):
             if source is not None:
-                raise InputError(located(path, problem, read(source), source))
+                raise InputError(fault_line(path, problem, read(source), source))
             raise InputError(f"{'.'.join(map(str, path))}: {problem}")
 
 
@@ -178,7 +178,7 @@ class Supervisor:
         of the launcher. ``lead_sent_s``: publication of ``lead``, which the detector sends after the decision about
         its frame; NaN: with this step.
         """
-        enlarged = self._reference.enlarged
+        enlarged = self._reference.enlarge
         estimates = {name: enlarged(f"estimate {name}", estimate) for name, estimate in estimates.items()}
         statistics = enlarged("statistics", statistics)
         lead, state = enlarged("lead", lead), enlarged("state", state)
@@ -192,7 +192,7 @@ class Supervisor:
         )
         rated = rules.evaluate(world.features)
         finding = analyse(world.features, self._settings.analyser, ages_s=world.ages_s, doubted=world.doubted)
-        cause = CALM if rated.cause == CALM else explained(rated.cause, finding, world.sight.cause)
+        cause = CALM if rated.cause == CALM else traced_cause(rated.cause, finding, world.sight.cause)
         fault = self._watchdog.step(
             world.ages_s,
             statistics_s=world.statistics_age_s,
@@ -260,7 +260,7 @@ class Supervisor:
         braked_for = "" if for_people or self._stop is self._mode.stop else str(cause)
         lead_mps, cap_mps = self._observer.follower.speed_cap_mps(world.ahead), decision.speed_cap_mps
         halt = Halt(self._mode, now, self._doubts.healthy_s, self._stop, braked_for, late, cap_mps, lead_mps)
-        return self._reference.restored(replace(decision, waits_for=waits_for(view, halt)))
+        return self._reference.restore(replace(decision, waits_for=waits_for(view, halt)))
 
     def _path(self, world: WorldState, now_s: float) -> Path | None:
         """The path of the road, or the trail of the vehicle ahead where the road is lost, blended at a change.
@@ -333,9 +333,9 @@ def build(
     rules = rules or default_file("fear.yaml")
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
     for name, hint in unknown_features(verified.names):
-        raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules))
+        raise InputError(fault_line(("inputs", name), f"unknown input; {hint}", read(rules), rules))
     for name, fault in wrong_ranges(verified.file.inputs):
-        raise InputError(located(("inputs", name, "range"), fault, read(rules), rules))
+        raise InputError(fault_line(("inputs", name, "range"), fault, read(rules), rules))
     _warn_of_near_misses(settings, read_text(settings), verified)
     car = load(vehicle, Vehicle)
     if cruise_speed_mps is not None:
@@ -352,4 +352,4 @@ def _warn_of_near_misses(settings: pathlib.Path, _: str, rules: FearRules) -> No
         hint = near_miss(rules, path[-1])
         if hint:
             warning = f"warning: no rule rates an estimator {path[-1]!r}; {hint}"
-            warn("trepid:", located(path, warning, read(settings), settings))
+            warn("trepid:", fault_line(path, warning, read(settings), settings))

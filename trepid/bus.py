@@ -168,7 +168,7 @@ class Latest(Generic[M]):
             else:
                 self.overtaken += 1
             return None
-        message = self._decoded(arrival)
+        message = self._decode(arrival)
         if message is not None:
             self.message, self.received_s, self.stamp = message, arrival.at_s, stamp
         return message
@@ -178,7 +178,7 @@ class Latest(Generic[M]):
         self.take()
         return self.message
 
-    def _decoded(self, arrival: Arrival) -> M | None:
+    def _decode(self, arrival: Arrival) -> M | None:
         if isinstance(arrival.sample, self.topic.type):
             message: M | None = arrival.sample
         else:
@@ -197,7 +197,7 @@ class Stream(Latest[M]):
     def drain(self) -> list[tuple[M, float]]:
         """All messages since the last call with their times of publication [s], oldest first."""
         arrived = list(iter(self._kept.pop, None))
-        decoded = ((self._decoded(arrival), _published_s(arrival)) for arrival in arrived)
+        decoded = ((self._decode(arrival), _publication_time_s(arrival)) for arrival in arrived)
         return [(message, at_s) for message, at_s in decoded if message is not None]
 
 
@@ -221,7 +221,7 @@ class Tap:
             (
                 str(arrival.sample.key_expr).removeprefix(self._prefix + "/"),
                 arrival.sample.payload.to_bytes(),
-                _published_s(arrival),
+                _publication_time_s(arrival),
             )
             for arrival in arrived
         ]
@@ -304,7 +304,7 @@ class Bus:
         for key in keys:
             most = KEPT_IMAGES if key == CAMERA_IMAGE.key else KEPT
             tap.rings.append(Ring(min(kept, most), self._clock))
-            tap.subscribers.append(self._declared(key, tap.rings[-1]))
+            tap.subscribers.append(self._declare_subscriber(key, tap.rings[-1]))
         return tap
 
     def newest(self, key_expression: str) -> Newest:
@@ -326,23 +326,23 @@ class Bus:
         if key in self._mailboxes:
             return self._mailboxes[key].beside()
         mailbox = self._mailboxes[key] = Mailbox(self._bell, self._clock)
-        self._subscribers.append(self._declared(key, mailbox))
+        self._subscribers.append(self._declare_subscriber(key, mailbox))
         return mailbox
 
     def _ring(self, key: str, kept: int) -> Ring:
         """A ring for the newest ``kept`` samples on a key."""
         ring = Ring(kept, self._clock)
-        self._subscribers.append(self._declared(key, ring))
+        self._subscribers.append(self._declare_subscriber(key, ring))
         return ring
 
-    def malformed(self) -> dict[str, int]:
+    def malformed_counts(self) -> dict[str, int]:
         """Number of malformed messages read so far by topic key; only topics that had one."""
         counts: Counter[str] = Counter()
         for subscription in self._subscriptions:
             counts[subscription.topic.key] += subscription.malformed
         return dict(+counts)
 
-    def _declared(self, key: str, kept: Mailbox | Ring) -> Any:
+    def _declare_subscriber(self, key: str, kept: Mailbox | Ring) -> Any:
         """A subscriber of ``key`` that fills ``kept`` as long as it is referenced."""
         subscriber: Any = self._session.declare_subscriber(f"{self._prefix}/{key}", kept.handler)
         if isinstance(kept, Ring):
@@ -365,7 +365,7 @@ def _stamp(arrival: Arrival) -> Stamp:
     return stamp_of(attachment.to_bytes())
 
 
-def _published_s(arrival: Arrival) -> float:
+def _publication_time_s(arrival: Arrival) -> float:
     """Time of publication by the stamp where it is plausible, else that of reading [s]."""
     published_s = _stamp(arrival).published_s
     return published_s if arrival.at_s - OLDEST_S <= published_s <= arrival.at_s else arrival.at_s

@@ -92,7 +92,7 @@ def examples() -> Mapping[str, str]:
     return {words: text for one in offers() for words, text in one.examples.items()}
 
 
-def _chosen(wanted: Loudness, given: bool) -> None:
+def _choose_loudness(wanted: Loudness, given: bool) -> None:
     if not given:
         return
     if loudness() not in (Loudness.USUAL, wanted):
@@ -105,7 +105,7 @@ Quiet = Annotated[
     typer.Option(
         "--quiet",
         "-q",
-        callback=lambda given: _chosen(Loudness.QUIET, given),
+        callback=lambda given: _choose_loudness(Loudness.QUIET, given),
         is_eager=True,
         expose_value=False,
         help="Say only results, warnings and errors: no progress, no assumptions.",
@@ -116,7 +116,7 @@ Verbose = Annotated[
     typer.Option(
         "--verbose",
         "-v",
-        callback=lambda given: _chosen(Loudness.VERBOSE, given),
+        callback=lambda given: _choose_loudness(Loudness.VERBOSE, given),
         is_eager=True,
         expose_value=False,
         help="Say also the files that are read and the time taken, and the place in the code of an error.",
@@ -135,7 +135,7 @@ def loudness_options() -> list[Any]:
     return list(typer.main.get_command(app).params)
 
 
-class Mounted(UserDict[str, Any]):
+class VerbGroup(UserDict[str, Any]):
     """Commands of the verb ``group``, by name; a :class:`Verb` among them is imported at its first use."""
 
     def __init__(self, commands: Mapping[str, Any], group: str = "") -> None:
@@ -144,10 +144,10 @@ class Mounted(UserDict[str, Any]):
 
     def __getitem__(self, name: str) -> Any:  # a command of Typer, whose type is private
         found = self.data[name]
-        return _mounted(name, self._group, found) if isinstance(found, Verb) else found
+        return _mount(name, self._group, found) if isinstance(found, Verb) else found
 
 
-class AllVerbs(Mounted):
+class AllVerbs(VerbGroup):
     """The verbs by name. Other packages are looked up only for a name that is none of Trepid's, or a list of all.
 
     So another package costs a drive no time, and cannot stop it by an error.
@@ -161,10 +161,10 @@ class AllVerbs(Mounted):
             return super().__getitem__(name)
         if name not in self:
             raise KeyError(name)
-        return _mounted(name, "", added_verb(name))
+        return _mount(name, "", added_verb(name))
 
     def __contains__(self, name: object) -> bool:
-        return name in self.data or name in plugins.added(plugins.Group.VERBS)
+        return name in self.data or name in plugins.added_entry_points(plugins.Group.VERBS)
 
     def __iter__(self) -> Iterator[str]:
         return iter(plugins.names(plugins.Group.VERBS, self.data))
@@ -174,7 +174,7 @@ class AllVerbs(Mounted):
 
 
 @cache
-def _mounted(name: str, group: str, verb: Verb) -> Any:
+def _mount(name: str, group: str, verb: Verb) -> Any:
     target, mount = verb.load(), typer.Typer()
     if isinstance(target, typer.Typer):
         mount.add_typer(target, name=name, help=verb.help)
@@ -185,7 +185,7 @@ def _mounted(name: str, group: str, verb: Verb) -> Any:
     _describe(command, words, {words: verb.example} if verb.example else examples())
     added = {word: one for part in offers() for word, one in part.added.get(name, {}).items()}
     if added and not group:
-        command.commands = Mounted({**command.commands, **added}, name)  # type: ignore[attr-defined]
+        command.commands = VerbGroup({**command.commands, **added}, name)  # type: ignore[attr-defined]
     return command
 
 
@@ -271,8 +271,8 @@ def main() -> int:
     try:
         code = _run()
     except OSError as error:
-        code = _unwritten(error)
-    code = _flushed(code)
+        code = _report_full_disk(error)
+    code = _flush_output(code)
     if code == 0:
         detail(f"trepid {__version__}: {time.perf_counter() - started_s:.2f} s")
     return code
@@ -297,7 +297,7 @@ def _run() -> int:
     return result if isinstance(result, int) else 0
 
 
-def _flushed(code: int) -> int:
+def _flush_output(code: int) -> int:
     """Write what is left of the output; the exit code, which is ``code`` unless a good run cannot be written."""
     try:
         if sys.stdout is not None:  # closed
@@ -309,12 +309,12 @@ def _flushed(code: int) -> int:
         _discard_output()
     except OSError as error:
         if code == 0:
-            return _unwritten(error)
+            return _report_full_disk(error)
         _discard_output()
     return code
 
 
-def _unwritten(error: OSError) -> int:
+def _report_full_disk(error: OSError) -> int:
     """Report a full disk; the exit code. Raises every other error again."""
     if error.errno not in FULL:
         raise error

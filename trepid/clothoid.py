@@ -11,8 +11,8 @@ with the speed v, the yaw rate r and the drift β (course minus heading of the r
 De Luca, Oriolo, Samson, Feedback control of a nonholonomic car-like robot, 1998, section 2.2). Three forms, each of
 second order in the time step, solve it for different inputs:
 
-- :meth:`Lane.seen_from`: a displacement of the vehicle or of a camera, to the side too; linear in ψ,
-- :func:`advanced`: a way along the lane and a turn, for numbers and arrays; with sin ψ, without 1 - κ·e,
+- :meth:`Lane.in_frame_at`: a displacement of the vehicle or of a camera, to the side too; linear in ψ,
+- :func:`advance_clothoid`: a way along the lane and a turn, for numbers and arrays; with sin ψ, without 1 - κ·e,
 - :func:`lane_after`: speed, yaw rate and drift over many short steps; with sin ψ, 1 - κ·e and the end of the lane.
 
 They differ in terms of third order, so that exchanging one for another changes results beyond rounding.
@@ -109,7 +109,7 @@ class Lane(NamedTuple):
         """This lane and ``weight`` times ``other``, component by component. Known without limit."""
         return Lane(*(a + weight * b for a, b in zip(self[:4], other[:4], strict=True)))
 
-    def seen_from(self, x_m: float, y_m: float, yaw_rad: float = 0.0) -> "Lane":
+    def in_frame_at(self, x_m: float, y_m: float, yaw_rad: float = 0.0) -> "Lane":
         """The lane in the frame at ``x_m``, ``y_m`` [m], turned by ``yaw_rad``: e - y(x), ψ - y'(x), κ + κ'·x."""
         _, heading_rad, curvature_1pm, rate_1pm2, lookahead_m = self
         bend_rad = curvature_1pm * x_m + rate_1pm2 * x_m**2 / 2
@@ -123,7 +123,7 @@ class Lane(NamedTuple):
 
     def after(self, motion: Motion, dt_s: float) -> "Lane":
         """The lane in the frame of the vehicle ``dt_s`` later."""
-        return self.seen_from(*motion.over(dt_s))
+        return self.in_frame_at(*motion.over(dt_s))
 
 
 LaneFields = tuple[float, float, float, float, float]
@@ -150,7 +150,7 @@ def mean_lane(lanes: list[Lane], weights: list[float]) -> Lane:
     return Lane(offset_m, heading_rad, curvature_1pm, curvature_rate_1pm2)
 
 
-def advanced(
+def advance_clothoid(
     offset_m: T,
     heading_rad: T,
     curvature_1pm: T,
@@ -176,11 +176,11 @@ def lane_after(
     lane: LaneFields, dt_s: float, speed_mps: float, yaw_rate_radps: float, drift_rad: float = 0.0
 ) -> LaneFields:
     """The lane ``dt_s`` later by the equations above (midpoint rule), its look-ahead shortened by the way."""
-    middle = _shifted(lane, 0.5 * dt_s, lane, speed_mps, yaw_rate_radps, drift_rad)
-    return _shifted(lane, dt_s, middle, speed_mps, yaw_rate_radps, drift_rad)
+    middle = _shift_lane(lane, 0.5 * dt_s, lane, speed_mps, yaw_rate_radps, drift_rad)
+    return _shift_lane(lane, dt_s, middle, speed_mps, yaw_rate_radps, drift_rad)
 
 
-def _shifted(
+def _shift_lane(
     lane: LaneFields, dt_s: float, by: LaneFields, speed_mps: float, yaw_rate_radps: float, drift_rad: float
 ) -> LaneFields:
     """``lane`` from ``dt_s`` later at the rates s', e', ψ' that hold at ``by``."""

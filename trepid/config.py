@@ -24,7 +24,7 @@ from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
 
-from trepid.files.decoding import UndecodableText, decoded
+from trepid.files.decoding import UndecodableText, decode_text
 from trepid.loudness import detail, warn
 from trepid.scale import REFERENCE_LANE_M, scale_data
 from trepid.spelling import did_you_mean
@@ -187,11 +187,11 @@ def load(path: Path, model: type[S], *, overrides: Mapping[str, str] | None = No
         return parse(read(path), model, source=path, overrides=overrides)
     over = _override_of(path)
     above = (over, read_text(over), _enlargement(over)) if over is not None else None
-    return _loaded(path, read_text(path), above, model)
+    return _load_content(path, read_text(path), above, model)
 
 
 @lru_cache(maxsize=256)
-def _loaded(path: Path, text: str, above: tuple[Path, str, float] | None, model: type[S]) -> S:
+def _load_content(path: Path, text: str, above: tuple[Path, str, float] | None, model: type[S]) -> S:
     """By content, because reading YAML is slow: ten settings files take as long as half a second of driving."""
     data = _mapping(text, path)
     if above is not None:
@@ -281,7 +281,7 @@ def texts(path: Path) -> tuple[str, ...]:
 def read_text(path: Path, *, windows: bool = False, broken_bytes: bool = False) -> str:
     """The text in ``path`` in any of the encodings of :mod:`trepid.files.decoding`. Raises InputError.
 
-    For ``windows`` and ``broken_bytes`` see :func:`trepid.files.decoding.decoded`.
+    For ``windows`` and ``broken_bytes`` see :func:`trepid.files.decoding.decode_text`.
     """
     detail(f"trepid: reads {path}")
     try:
@@ -289,7 +289,7 @@ def read_text(path: Path, *, windows: bool = False, broken_bytes: bool = False) 
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {_brief(error)}") from error
     try:
-        text = decoded(data, windows=windows, broken_bytes=broken_bytes)
+        text = decode_text(data, windows=windows, broken_bytes=broken_bytes)
     except UndecodableText as error:
         raise InputError(f"{path}:{error.line}:{error.column}: {error.problem}") from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
@@ -421,7 +421,7 @@ def _key(place: Any, part: str) -> Any:
     return int(part)
 
 
-def located(
+def fault_line(
     path: Sequence[str | int],
     what: str,
     data: CommentedMap,

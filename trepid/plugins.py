@@ -30,7 +30,7 @@ class Group(StrEnum):
 
 
 @cache
-def added(group: Group) -> Mapping[str, EntryPoint]:
+def added_entry_points(group: Group) -> Mapping[str, EntryPoint]:
     """The entry points of ``group`` by name. Raises InputError when two packages add the same name."""
     found: dict[str, EntryPoint] = {}
     for point in entry_points(group=group):
@@ -42,7 +42,7 @@ def added(group: Group) -> Mapping[str, EntryPoint]:
 
 def names(group: Group, own: Mapping[str, Any]) -> list[str]:
     """Names of the parts of ``group``: those of Trepid, ``own``, then those of other packages."""
-    return [*own, *(name for name in added(group) if name not in own)]
+    return [*own, *(name for name in added_entry_points(group) if name not in own)]
 
 
 def part(group: Group, name: str, own: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:
@@ -52,7 +52,7 @@ def part(group: Group, name: str, own: Mapping[str, Callable[..., Any]]) -> Call
     """
     if name in own:
         return own[name]
-    point = added(group).get(name)
+    point = added_entry_points(group).get(name)
     if point is None:
         hint = did_you_mean(name, names(group, own))
         raise InputError(f"{group.removeprefix('trepid.')}: unknown name {name!r}; {hint}")

@@ -77,7 +77,7 @@ class ReferenceWorld:
         self._scale = scale
         self._newest: dict[str, tuple[Any, Any]] = {}  # newest message and its enlargement, by input
 
-    def enlarged(self, name: str, message: T) -> T:
+    def enlarge(self, name: str, message: T) -> T:
         """``message`` of the input ``name`` in the reference world.
 
         The same message gives the same object, because the steps compare objects to recognise a new message.
@@ -90,7 +90,7 @@ class ReferenceWorld:
             self._newest[name] = message, enlarged
         return cast(T, enlarged)
 
-    def restored(self, message: T) -> T:
+    def restore(self, message: T) -> T:
         """``message`` of the reference world in the world of the car."""
         return scaled_message(message, self._scale)
 
@@ -108,7 +108,7 @@ def scaled_settings(settings: M, factor: float, *, given_only: bool = False) -> 
     if factor == 1.0:
         return settings
     names = settings.model_fields_set if given_only else type(settings).model_fields
-    update = {name: _scaled(name, getattr(settings, name), factor, given_only) for name in names}
+    update = {name: _scale_value(name, getattr(settings, name), factor, given_only) for name in names}
     return settings.model_copy(update=update)
 
 
@@ -117,11 +117,11 @@ def given_fields(settings: BaseModel) -> dict[str, Any]:
     return {name: getattr(settings, name) for name in settings.model_fields_set}
 
 
-def _scaled(name: str, value: Any, factor: float, given_only: bool) -> Any:
+def _scale_value(name: str, value: Any, factor: float, given_only: bool) -> Any:
     if isinstance(value, BaseModel):
         return scaled_settings(value, factor, given_only=given_only)
     if isinstance(value, tuple):
-        return tuple(_scaled(name, item, factor, given_only) for item in value)
+        return tuple(_scale_value(name, item, factor, given_only) for item in value)
     if isinstance(value, float | int) and not isinstance(value, bool):
         return value * factor**power if (power := power_of_metre(name)) else value
     return value
@@ -141,9 +141,9 @@ def scale_data(data: Any, factor: float, done: set[int] | None = None) -> None:
         if isinstance(value, Mapping):
             scale_data(value, factor, done)
         elif not isinstance(value, list):
-            data[name] = _scaled(str(name), value, factor, False)
+            data[name] = _scale_value(str(name), value, factor, False)
         elif id(value) not in done:
             done.add(id(value))
-            for number, item in enumerate(_scaled(str(name), tuple(value), factor, False)):
+            for number, item in enumerate(_scale_value(str(name), tuple(value), factor, False)):
                 value[number] = item
                 scale_data(item, factor, done)

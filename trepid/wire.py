@@ -203,7 +203,7 @@ def _to_diagnostic(ros: Any) -> dict[str, Any]:
     return dict(process=status.name, health=health, message=status.message, values=values)
 
 
-def _derived(message_type: type) -> MessageCodec:
+def _derive_codec(message_type: type) -> MessageCodec:
     """The codec of a message type that is derived from its dataclass."""
     known = {f.name: (_codec(f.type), f) for f in fields(message_type) if f.name != "t_s"}
 
@@ -246,7 +246,7 @@ MESSAGES: dict[type, MessageCodec] = {
     Command: MessageCodec("ackermann_msgs/msg/AckermannDriveStamped", _from_command, _to_command),
     Odometry: MessageCodec("nav_msgs/msg/Odometry", _from_odometry, _to_odometry),
     Diagnostic: MessageCodec("diagnostic_msgs/msg/DiagnosticArray", _from_diagnostic, _to_diagnostic),
-    **{message_type: _derived(message_type) for message_type in DERIVED},
+    **{message_type: _derive_codec(message_type) for message_type in DERIVED},
 }
 
 

@@ -146,7 +146,7 @@ def _scaled(camera: Camera, width_px: int | None) -> Camera:
     """The camera of images that are scaled to ``width_px``; None: as they are."""
     if width_px is None:
         return camera
-    return camera.resized(width_px, round(camera.height_px * width_px / camera.width_px))
+    return camera.resize(width_px, round(camera.height_px * width_px / camera.width_px))
 
 
 def _put_out(
@@ -260,7 +260,7 @@ def _same_lens(camera: Camera, image: Image, path: Path) -> Camera:
             f"{path}: {width_px} x {height_px} px, but the camera file is for {camera.width_px} x"
             f" {camera.height_px}; give the right file with --camera, or images of a chessboard"
         )
-    return camera.resized(width_px, height_px)
+    return camera.resize(width_px, height_px)
 
 
 def _with_lens(camera: Camera, lens: Intrinsics) -> Camera:

@@ -192,7 +192,7 @@ def _read_out(camera: Camera, message: Message, path: Path) -> Camera:
             "cy_px": camera.cy_px - roi.y_offset,
         }
     )
-    return region.resized(
+    return region.resize(
         region.width_px // max(message.binning_x, 1), region.height_px // max(message.binning_y, 1)
     )
 

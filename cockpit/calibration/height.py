@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.camera.ground_flow import GroundInImage, tracked
-from perception.camera.road_lines import SHARP_RAD, Segments, pitch_and_yaw, undistorted
+from perception.camera.ground_flow import GroundInImage, track_corners
+from perception.camera.road_lines import SHARP_RAD, Segments, pitch_and_yaw, undistort
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.types import Array, Image
@@ -116,9 +116,9 @@ def _height_m(step: Step, camera: Camera) -> float | None:
     """
     if step.way_m is None or step.following is None:
         return None
-    before, after = (undistorted(image, camera) for image in (step.image, step.following))
+    before, after = (undistort(image, camera) for image in (step.image, step.following))
     ground = GroundInImage(camera, camera.fx_px, camera.fx_px * camera.height_m)
-    moved = tracked(before, after, ground, step.way_m, None, 0.0)
+    moved = track_corners(before, after, ground, step.way_m, None, 0.0)
     ways_h = camera.fx_px * moved.nearer
     ways_h = ways_h[ways_h > 0]
     return step.way_m / float(np.median(ways_h)) if len(ways_h) >= MIN_CORNERS else None

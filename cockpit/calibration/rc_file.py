@@ -13,7 +13,7 @@ from ruamel.yaml.error import YAMLError
 from trepid.config import InputError, put, read, read_text
 from trepid.files.whole import write_whole
 from vehicle.actuators.rc.settings import RcSettings
-from vehicle.actuators.table import FILE, configured, settings_in
+from vehicle.actuators.table import FILE, configured_actuator, settings_in
 
 BOARDS = ("pca9685", "serial")
 HEADER = "# Overrides config/actuator.yaml field by field; written by `trepid calibrate steering`.\n"
@@ -21,7 +21,7 @@ HEADER = "# Overrides config/actuator.yaml field by field; written by `trepid ca
 
 def chosen() -> str:
     """The board that ``actuator.yaml`` names. Raises InputError when it names no board."""
-    name, _ = configured()
+    name, _ = configured_actuator()
     if name not in BOARDS:
         raise InputError(
             f"actuator.yaml names {name!r}; give --board pca9685 or --board serial, or choose one in the file"

@@ -24,7 +24,7 @@ from perception.camera.road_lines import (
     ROUNDS,
     Segments,
     common_point,
-    joined,
+    join_segments,
     meeting_point,
     pitch_and_yaw,
     road_segments,
@@ -63,7 +63,7 @@ def mounting(steps: Sequence[Step], camera: Camera, *, lane_width_m: float | Non
         raise InputError(
             f"lines along the road in {len(frames)} of {len(steps)} frames, {MIN_FRAMES} expected"
         )
-    start = common_point(joined(frames), camera)
+    start = common_point(join_segments(frames), camera)
     points = [meeting_point(lines, start, camera) for lines in frames]
     kept = [(lines, point) for lines, point in zip(frames, points, strict=True) if point is not None]
     if len(kept) < MIN_FRAMES:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from perception.camera.odometry import DriveOptics
-from perception.camera.road_lines import undistorted
-from perception.camera.uncertainty import TURN_SIGMA, WAY_SIGMA, turned_by
+from perception.camera.road_lines import undistort
+from perception.camera.uncertainty import TURN_SIGMA, WAY_SIGMA, turn_camera
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import decoded_image
@@ -78,8 +78,8 @@ def camera_by_driving(
     for frame in frames:
         if optics.complete:
             break
-        optics.step(undistorted(frame.image, start), frame.t_s, frame.speed_mps, frame.yaw_rate_radps)
-    found = optics.measured()
+        optics.step(undistort(frame.image, start), frame.t_s, frame.speed_mps, frame.yaw_rate_radps)
+    found = optics.fit_optics()
     if found is None or optics.pairs < MIN_PAIRS:
         raise InputError(
             f"{path}: the ground is visible in {optics.pairs} pairs of frames, {MIN_PAIRS} expected: drive"
@@ -102,7 +102,7 @@ def camera_by_driving(
             "height_m": height_m,
         }
     )
-    return Driven(turned_by(found, lens, start), optics.pairs, focal_doubt, height_doubt)
+    return Driven(turn_camera(found, lens, start), optics.pairs, focal_doubt, height_doubt)
 
 
 def _check(path: Path, what: str, ratio: float, doubt: float) -> None:

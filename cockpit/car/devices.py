@@ -7,7 +7,7 @@ from cockpit.car.finding import Finding
 from trepid.car.vehicle import Vehicle
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.processes.fused import gathered
+from trepid.processes.fused import gather_specs
 from trepid.processes.settings import check_vehicle, estimators_in, load_processes
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def processes() -> Finding:
         if not any(spec.simulates for spec in specs):  # else the scenario names them
             estimators_in(specs)
         check_lead(specs)
-        gathered(specs)
+        gather_specs(specs)
     except InputError as error:
         return Finding("processes", False, str(error), "correct the entry in processes.yaml")
     return Finding("processes", True, ", ".join(spec.name for spec in specs))
@@ -44,10 +44,10 @@ def camera() -> Finding:
         return Finding("camera", True, "simulated: no process runs vehicle.cameras.node")
     from vehicle.cameras.ros_topic import RosTopicSettings
     from vehicle.cameras.source import SourceContext
-    from vehicle.cameras.table import build, configured
+    from vehicle.cameras.table import build, configured_source
 
     try:
-        name, settings, _ = configured()
+        name, settings, _ = configured_source()
         if isinstance(settings, RosTopicSettings) and settings.connect is None:
             return Finding("camera", True, f"{name}: {settings.key} is on the bus of a drive")
         name, source, common = build(SourceContext(bus=None, now_s=epoch_clock(epoch_offset_ns())))
@@ -88,10 +88,10 @@ def actuator() -> Finding:
     if process is None:
         return Finding("actuator", True, "simulated: no process runs vehicle.actuators.node")
     from vehicle.actuators.actuator import Car
-    from vehicle.actuators.table import build, configured
+    from vehicle.actuators.table import build, configured_actuator
 
     try:
-        name, _ = configured()
+        name, _ = configured_actuator()
         if name in ON_THE_BUS:
             return Finding("actuator", True, f"{name}: its driver joins the bus of a drive")
         name, wire = build(Car(load(CONFIG_DIR / "vehicle.yaml", Vehicle), None, time.monotonic))

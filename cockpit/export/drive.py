@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from trepid.clock import nanoseconds, seconds
 from trepid.config import InputError
 from trepid.messages import CompressedFrame, SteeringEstimate
-from trepid.recording.images import decoded, recorded_images
+from trepid.recording.images import decode_image, recorded_images
 from trepid.recording.reader import read_recording
 from trepid.topics import (
     COMMAND,
@@ -124,7 +124,7 @@ class Drive:
         for at_s, message in () if self._images is None else self._images.messages():
             if not is_possible(message.t_s, at_s):
                 continue
-            image = decoded(message)
+            image = decode_image(message)
             if image is None:
                 raise InputError(f"{self.path}: the image of {message.t_s:.3f} s cannot be decoded")
             yield message.t_s, image, message.jpeg if isinstance(message, CompressedFrame) else None

@@ -14,7 +14,7 @@ import numpy as np
 from cockpit.export.drive import STALE_S, Drive
 from cockpit.export.frames import rate_of
 from cockpit.page.overlay import ahead_text, corners_px, overlay
-from perception.images.annotate import HIGH, LEFT, LOW, PANEL, RIGHT, AnnotationWriter, enlarged, label
+from perception.images.annotate import HIGH, LEFT, LOW, PANEL, RIGHT, AnnotationWriter, enlarge, label
 from perception.images.fear_strip import with_decision
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -61,7 +61,7 @@ def write_film(drive: Drive, out: Path, rate_hz: float | None, done: Callable[[f
 
 def drawn(drive: Drive, t_s: float, image: Image, camera: Camera, vehicle: Vehicle) -> Image:
     """The frame captured at ``t_s`` with what the nodes computed from it, at least 640 px wide."""
-    canvas = enlarged(image)[0]
+    canvas = enlarge(image)[0]
     estimates, decision = drive.estimates_from(t_s), drive.from_frame(DECISION, t_s)
     lead, people = drive.from_frame(LEAD_VEHICLE, t_s), drive.from_frame(ROAD_USERS, t_s)
     shapes = overlay(estimates.values(), decision, lead, camera, vehicle, people)

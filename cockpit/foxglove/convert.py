@@ -10,14 +10,14 @@ from trepid.car.vehicle import Vehicle
 from trepid.clock import seconds
 from trepid.config import CONFIG_DIR, load
 from trepid.recording.foreign import in_order
-from trepid.recording.reader import Recorded
+from trepid.recording.reader import RecordingContent
 from trepid.recording.writer import Recording
 
 DEFINITIONS = {key: (name, definition(key)) for key, name in TYPES.items()}
 """Key of a topic of the viewers -> its type and definition."""
 
 
-def write_viewable(recorded: Recorded, out: Path, done: Callable[[float], None]) -> int:
+def write_viewable(recorded: RecordingContent, out: Path, done: Callable[[float], None]) -> int:
     """Write the recording with the topics of the viewers to ``out``; return the number of messages added.
 
     Such topics of the recording itself are made anew. ``done`` is called with the share that is written. The

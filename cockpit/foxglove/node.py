@@ -106,7 +106,7 @@ def run(me: Process) -> None:
     me.ready()
     while me.running():
         feed.turn()
-        me.stepped()
+        me.count_step()
         me.bus.wait(timeout_s=PERIOD_S if feed.watched else IDLE_S)
     feed.close()
     server.stop()

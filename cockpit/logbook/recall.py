@@ -26,7 +26,7 @@ from trepid.messages import (
     VehicleState,
 )
 from trepid.recording.notes import RULES, RULES_FROM_S
-from trepid.recording.reader import Recorded, Series, read_recording, read_series
+from trepid.recording.reader import RecordingContent, Series, read_recording, read_series
 from trepid.recording.writer import rules_name
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -60,7 +60,7 @@ MOST_MPS = 200.0  # a faster speed cap is a sign of a malformed decision
 class Recall:
     """The messages of a drive. Times count from the start of the drive, where it was recorded [s]."""
 
-    recorded: Recorded  # without its messages
+    recorded: RecordingContent  # without its messages
     series: Mapping[str, Series[Any]]  # the messages by the key of their topic
     rules: FearRules
     rules_from: str  # origin of the rules, as text
@@ -230,7 +230,9 @@ def of_valid(question: Callable[Concatenate[Recall, P], A]) -> Callable[Concaten
     return asked
 
 
-def _without_malformed(recorded: Recorded, decisions: Series[Decision], *, every: bool = False) -> None:
+def _without_malformed(
+    recorded: RecordingContent, decisions: Series[Decision], *, every: bool = False
+) -> None:
     """Drop the decisions that were malformed on the bus, and say so. Raises InputError when none is left.
 
     Unless ``every`` one is asked for, of those of this version only odd ones are decoded. A decision is odd when it
@@ -257,7 +259,7 @@ def _without_malformed(recorded: Recorded, decisions: Series[Decision], *, every
         raise _no_decision(recorded)
 
 
-def _no_decision(recorded: Recorded) -> InputError:
+def _no_decision(recorded: RecordingContent) -> InputError:
     short = "" if recorded.complete else "; the file is cut short"
     return InputError(f"{recorded.path}: the recording contains no decision of a supervisor{short}")
 
@@ -294,7 +296,7 @@ def _diagnostics(series: Mapping[str, Series[Any]]) -> Iterator[Diagnostic]:
             yield beat
 
 
-def recorded_rules(recorded: Recorded) -> tuple[str, bytes] | None:
+def recorded_rules(recorded: RecordingContent) -> tuple[str, bytes] | None:
     """Name and bytes of the rule file that the recording began with; None where none was recorded."""
     name = rules_name(recorded.files)
     return None if name is None else (name, recorded.files[name])

@@ -14,7 +14,7 @@ import numpy as np
 
 from cockpit.logbook.recall import Recall, of_valid
 from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, significant, slow_downs
-from drive.reason import fired
+from drive.reason import fired_rules
 from supervisor.rules.inference import FearRules, Values
 from supervisor.rules.rule_file import LEVELS
 from trepid.messages import Decision, Stop
@@ -245,7 +245,7 @@ def _rules(drive: Recall, decision: Decision) -> list[Story]:
     at = {rule.text: by.file.fear.all[rule.harm].at for rule in by.rules}
     rules = [
         {"text": text, "strength": strength, "adds": strength * at.get(text, 1.0)}
-        for text, strength in fired(decision)
+        for text, strength in fired_rules(decision)
     ]
     return sorted(rules, key=lambda rule: -rule["adds"])
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from cockpit.logbook.story import Story
 from trepid.causes import concerning
-from trepid.recording.reader import Recorded
+from trepid.recording.reader import RecordingContent
 
 SHOWN_RULES, SHOWN_CHANGES, SHOWN_RISES = 6, 5, 6
 AGED_S = 0.5  # of a decision: an older one is mentioned, for a supervisor decides 25 times a second
@@ -18,7 +18,7 @@ def story_text(story: Story) -> str:
     return "\n".join(_lines(story))
 
 
-def overview_text(recorded: Recorded, found: list[Story]) -> str:
+def overview_text(recorded: RecordingContent, found: list[Story]) -> str:
     """One line for each slow-down."""
     lines = [] if recorded.complete else ["(the recording is cut short)"]
     for slow in found:

@@ -161,6 +161,6 @@ def _take(watched: WatchedTopic[M], into: deque[M]) -> None:
 
 
 def _compressed(frame: Frame) -> CompressedFrame:
-    from trepid.images.jpeg import encoded  # a camera that publishes JPEG needs no encoder here
+    from trepid.images.jpeg import encode_jpeg  # a camera that publishes JPEG needs no encoder here
 
-    return encoded(frame)
+    return encode_jpeg(frame)

@@ -84,7 +84,7 @@ async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> Non
         me.ready(values=lambda: (("viewers", str(len(hub.viewers))),))
         while me.running() and not serving.done():
             pause_s = hub.turn()
-            me.stepped()
+            me.count_step()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(hub.wanted.wait(), pause_s)
             hub.wanted.clear()

@@ -29,7 +29,7 @@ from cockpit.page.rules import Conflict, RuleDesk
 from cockpit.page.stop import StopSender
 from trepid.config import InputError
 from trepid.processes.page_door import PageDoor
-from trepid.recording.ring import kept_by_another, kept_name, state_folder
+from trepid.recording.ring import keep_in_other_process, kept_name, state_folder
 
 
 class KeepDesk:
@@ -53,7 +53,7 @@ class KeepDesk:
         if self.why_not or self._ring is None:
             raise InputError(self.why_not)
         path = kept_name("page", now_s=time.time())
-        kept_by_another(state_folder("ring") / self._ring, path)
+        keep_in_other_process(state_folder("ring") / self._ring, path)
         return path
 
 

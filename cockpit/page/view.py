@@ -8,7 +8,7 @@ from cockpit.page.feed import Feed
 from cockpit.page.history import PathHistory, Timelines
 from cockpit.page.overlay import overlay
 from cockpit.page.stop import Hold
-from drive.reason import fired, reason
+from drive.reason import fired_rules, reason
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.causes import concerning, in_words
@@ -159,7 +159,7 @@ def _decision(decision: Decision) -> dict[str, Any]:
         "cause": decision.cause,
         "concerning": concerning(decision.cause, decision.part),
         "cause_words": in_words(decision.cause, decision.part),
-        "rules": [[text, round(strength, 3)] for text, strength in fired(decision)][:RULES_SHOWN],
+        "rules": [[text, round(strength, 3)] for text, strength in fired_rules(decision)][:RULES_SHOWN],
         "inputs": dict(zip(decision.inputs, decision.input_values, strict=False)),
         "cap": decision.speed_cap_mps,
         "source": decision.path_source,

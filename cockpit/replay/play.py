@@ -13,7 +13,7 @@ from trepid.bus import open_bus
 from trepid.clock import NANO, epoch_clock
 from trepid.config import InputError
 from trepid.processes.endpoint import usable_endpoint
-from trepid.processes.register import Running, registered, ticks
+from trepid.processes.register import Running, register_drive, ticks
 from trepid.recording.foreign import in_order
 from trepid.security import LAUNCHER, session_settings
 
@@ -50,7 +50,7 @@ def play(
     count = 0
     with (
         open_bus(vehicle_name, epoch_clock(offset_ns), listen=endpoint, further=secured) as bus,
-        registered(entry),
+        register_drive(entry),
     ):
         say(f"{path}: plays at {endpoint}, vehicle {vehicle_name}; `trepid status` shows its processes")
         began_s = time.monotonic() + LISTENERS_S

@@ -45,7 +45,7 @@ class Player:
 
     def recorded(self) -> dict[str, dict[float, Any]]:
         """Key of a topic -> recorded time of each message that is replaced -> the new one, as it is recorded."""
-        recorded, track = self._tape.times.recorded, self._tape.track
+        recorded, track = self._tape.times.in_recorded_time, self._tape.track
         return {
             key: {track(key).recorded_s[place]: recorded(one) for place, one in new.items()}
             for key, new in self._new.items()
@@ -107,8 +107,8 @@ class Player:
         if step.began_s < self._warm_s:
             return
         recorded = track.recorded[step.output]
-        at_s = self._tape.times.recorded_s(step.began_s) - self._tape.zero_s
-        self.compared[node.output.key].add(at_s, recorded, self._tape.times.recorded(now))
+        at_s = self._tape.times.recorded_time_s(step.began_s) - self._tape.zero_s
+        self.compared[node.output.key].add(at_s, recorded, self._tape.times.in_recorded_time(now))
         if recorded.t_s is not None:
             self.frames_s.add(recorded.t_s)
 

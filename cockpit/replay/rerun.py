@@ -24,7 +24,7 @@ from cockpit.replay.nodes import Node, chosen, nodes_of, settings_of
 from cockpit.replay.player import Player
 from cockpit.replay.tape import Tape
 from trepid.config import InputError
-from trepid.recording.copy import copied
+from trepid.recording.copy import copy_recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,9 @@ def rerun(
         player = Player(tape, picked)
         player.run(ahead, estimators)
         if out is not None:
-            copied(path, out, player.recorded(), notes=_notes(picked, path), rules=setup.rules.read_bytes())
+            copy_recording(
+                path, out, player.recorded(), notes=_notes(picked, path), rules=setup.rules.read_bytes()
+            )
     return Rerun(
         topics=player.compared,
         doubts=player.doubts,

@@ -12,9 +12,9 @@ import numpy as np
 from trepid.clock import nanoseconds
 from trepid.config import InputError
 from trepid.messages import Frame, Steps
-from trepid.recording.images import RecordedImages, decoded, recorded_images
+from trepid.recording.images import RecordedImages, decode_image, recorded_images
 from trepid.recording.notes import PERIOD, Times, number
-from trepid.recording.reader import Recorded, read_recording
+from trepid.recording.reader import RecordingContent, read_recording
 from trepid.topics import (
     CAMERA_IMAGE,
     COMMAND,
@@ -64,7 +64,7 @@ class Tape:
     def __init__(self, path: Path) -> None:
         """Raises InputError when ``path`` is no recording of a supervisor or controller."""
         self.path = path
-        self.recorded: Recorded = read_recording(path, *READ)
+        self.recorded: RecordingContent = read_recording(path, *READ)
         if not {DECISION.key, COMMAND.key} & self.recorded.messages.keys():
             raise InputError(f"{path}: holds no decision and no command: there is nothing to run again")
         self.notes = self.recorded.notes
@@ -119,5 +119,5 @@ class Frames:
     def _read(self, images: RecordedImages | None) -> Iterator[tuple[float, Frame | None]]:
         for at_s, message in images.messages() if images is not None else ():
             moved = self._times.of_node(message)
-            image = decoded(moved)
+            image = decode_image(moved)
             yield self._times.node_s(at_s), None if image is None else Frame(t_s=moved.t_s, image=image)

@@ -23,7 +23,7 @@ from supervisor.rules.proofs import calmest
 from supervisor.rules.rule_file import RuleFile, rule_schema
 from supervisor.rules.verify import place, verify
 from supervisor.situation.features import wrong_units
-from trepid.config import CONFIG_DIR, InputError, load, located, read, read_text
+from trepid.config import CONFIG_DIR, InputError, fault_line, load, read, read_text
 from trepid.images.figure_style import save
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def _check(file: Path, compared: int, *, as_json: bool) -> bool:
     rules = FearRules.load(file)
     verdict = verify(rules)
     for name, fault in wrong_units({name: spec.unit for name, spec in rules.inputs.items()}):
-        raise InputError(located(("inputs", name, "unit"), fault, read(file), file))
+        raise InputError(fault_line(("inputs", name, "unit"), fault, read(file), file))
     agreement = _agreement(rules, compared) if compared else None
     if as_json:
         found = {"problems": verdict.problems, "notes": verdict.notes, "lipschitz": verdict.slopes}

@@ -72,7 +72,7 @@ class Lqi(LateralLaw):
         if far_m <= self._settings.near_m:
             self._integrate(gain, lane.offset_m, dt_s)
         else:
-            gain = self._softened(gain, self._settings.near_m / far_m)
+            gain = self._soften(gain, self._settings.near_m / far_m)
         approach_mps = self._approach(gain, lane.offset_m, speed_mps)
         tyres_m, steering_m = self._tyres.lag_s(speed_mps) * at.speed_mps, self._lag_s * at.speed_mps
         here_1pm, wheel_1pm = (self._bend(lane, ahead_m) for ahead_m in (0.0, tyres_m))
@@ -90,7 +90,7 @@ class Lqi(LateralLaw):
         """Reset the integral."""
         self._integral_mps2 = 0.0
 
-    def _softened(self, gain: Gains, share: float) -> Gains:
+    def _soften(self, gain: Gains, share: float) -> Gains:
         """``gain`` at ``share`` of its bandwidth, but no slower than far from the centre."""
         share = at_least(share, at_most(self._settings.far_radps / math.sqrt(gain.offset_1ps2), 1.0))
         offset_1ps2, sideways_1ps = share * share * gain.offset_1ps2, share * gain.sideways_1ps

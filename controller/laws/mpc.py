@@ -91,9 +91,9 @@ class Mpc(LateralLaw):
 
     def curvature(self, at: Acting, *, dt_s: float) -> float:
         """κ_cmd [1/m]."""
-        demand_1pm = self._planned(at, dt_s)
+        demand_1pm = self._plan(at, dt_s)
         if demand_1pm is None:
-            demand_1pm = self._fallen_back(at, dt_s)
+            demand_1pm = self._fall_back(at, dt_s)
         self._demand_1pm = demand_1pm
         return demand_1pm
 
@@ -103,7 +103,7 @@ class Mpc(LateralLaw):
         self._fallback.release()
         self._demand_1pm = None
 
-    def _fallen_back(self, at: Acting, dt_s: float) -> float:
+    def _fall_back(self, at: Acting, dt_s: float) -> float:
         """κ_cmd of the fallback; the last demand where the input is not finite."""
         self._solver.reset()
         if not _finite(at):
@@ -111,9 +111,9 @@ class Mpc(LateralLaw):
         demand_1pm = self._fallback.curvature(at, dt_s=dt_s)
         return demand_1pm if math.isfinite(demand_1pm) else self._demand_1pm or 0.0
 
-    def _planned(self, at: Acting, dt_s: float) -> float | None:
+    def _plan(self, at: Acting, dt_s: float) -> float | None:
         """κ_cmd of the plan; None without a valid one, with the reason in ``doing``."""
-        if not (_finite(at) and _modelled(at)):
+        if not (_finite(at) and _is_within_model(at)):
             self.doing = "falling back: outside the model"
             return None
         now = self._problem(at, dt_s)
@@ -199,7 +199,7 @@ def _finite(at: Acting) -> bool:
     return math.isfinite(sum(at.lane) + at.speed_mps + at.curvature_1pm + at.steady_1pm)
 
 
-def _modelled(at: Acting) -> bool:
+def _is_within_model(at: Acting) -> bool:
     """Whether car and lane lie within the limits of the model."""
     lane = at.lane
     return (

@@ -76,21 +76,21 @@ class Solver:
 
         The last plan is moved on by ``shift`` of a stage, at most one, and multiplied by ``scale`` first.
         """
-        plan = self._iterated(now, shift, scale)
+        plan = self._iterate(now, shift, scale)
         if plan is None:
             self.reset()
         self.plan = plan
         return plan
 
-    def _iterated(self, now: Problem, shift: float, scale: float) -> Array | None:
+    def _iterate(self, now: Problem, shift: float, scale: float) -> Array | None:
         """One iteration from the last plan; several from the first plan where the last one is not usable."""
         if self.plan is not None and self._about_plan(self.plan, now, shift, scale):
-            return self._improved()
+            return self._improve()
         plan: Array | None = np.asarray(self._first_plan(now)).ravel()
         for _ in range(_COLD_ITERATIONS):
             if plan is None or not self._about_plan(plan, now):
                 return None
-            plan = self._improved()
+            plan = self._improve()
         return plan
 
     def _about_plan(self, plan: Array, now: Problem, shift: float = 0.0, scale: float = 1.0) -> bool:
@@ -101,18 +101,18 @@ class Solver:
         # Written so that NaN is refused, too.
         return self._steepest.item() <= now.length_m * _STEEPEST_RAD
 
-    def _improved(self) -> Array | None:
+    def _improve(self) -> Array | None:
         """The plan plus Δw; None unless the QP is solved and finite."""
         # Two arrays make BLAS use its general product, which is faster; np.dot has less overhead than @.
         np.copyto(self._twin, self._slopes)
         hessian = np.dot(self._slopes.T, self._twin, out=self._hessian)
         hessian += self._regular
-        step, _, status, _ = self._solved(hessian, self._gradient)
+        step, _, status, _ = self._solve_qp(hessian, self._gradient)
         if status not in _SOLVED or not math.isfinite(step.dot(self._ones)):
             return None
         return self._about + step
 
-    def _solved(self, hessian: Array, gradient: Array) -> tuple[Array, float, int, dict]:
+    def _solve_qp(self, hessian: Array, gradient: Array) -> tuple[Array, float, int, dict]:
         """Result of DAQP, started from the last active constraints."""
         if self._qp is None:
             sense = np.zeros(len(self._high), dtype=np.int32)

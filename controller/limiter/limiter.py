@@ -98,30 +98,30 @@ class Limiter:
         self._gaining_mps2 = 0.0  # acceleration of the car by the drive
 
     @property
-    def saturated(self) -> bool:
+    def is_saturated(self) -> bool:
         """Whether the steering demand is beyond the limits for longer."""
-        return self._saturation.saturated
+        return self._saturation.is_saturated
 
     @property
-    def wheel_seen(self) -> bool:
+    def has_seen_wheel(self) -> bool:
         """Whether a wheel angle was measured; before it the output is straight on, wherever the wheels stand."""
         return self._wheel is not UNSEEN
 
     def report(self, state: VehicleState) -> VehicleState:
         """``state`` with driver override and saturation as of the last step."""
-        return replace(state, driver_override=self.handed_over, saturated=self.saturated)
+        return replace(state, driver_override=self.handed_over, saturated=self.is_saturated)
 
     def step(
         self, command: Command | None, received_s: float | None, state: VehicleState | None, *, now_s: float
     ) -> Command:
         """The output for the actuator at ``now_s``; ``received_s``: arrival of ``command``."""
-        dt_s = self._elapsed(now_s)
+        dt_s = self._elapsed_time_s(now_s)
         sound = command if command is not None and is_finite(command) else None
         frame_s = None if sound is None else sound.t_s
-        last_mps = self._seen_mps if self.wheel_seen else None
+        last_mps = self._seen_mps if self.has_seen_wheel else None
         seen = plausible_state(state, now_s, self._limits, last_mps=last_mps)
         seldom = self._arrivals.too_seldom(received_s, now_s)
-        self.handed_over = seen is not None and self._driven_by_hand(seen)
+        self.handed_over = seen is not None and self._is_driven_by_hand(seen)
         if seen is not None and self.handed_over:
             return self._hand_over(seen, frame_s, dt_s)
         timeout_s = self._limits.command_timeout_s
@@ -135,9 +135,9 @@ class Limiter:
         else:
             accel_mps2 = self._steer(usable, seen, dt_s, calm=calm)
         goal_mps = 0.0 if usable is None or self.stopping else _goal(usable, seen, accel_mps2)
-        return self._given(frame_s, goal_mps, accel_mps2, dt_s)
+        return self._actuator_command(frame_s, goal_mps, accel_mps2, dt_s)
 
-    def _elapsed(self, now_s: float) -> float:
+    def _elapsed_time_s(self, now_s: float) -> float:
         """Time since the last step; at most ``max_step_s``, so that a pause opens no limit wide."""
         if isnan(self._start_s):
             self._start_s = self._now_s = self._state_s = now_s
@@ -145,7 +145,7 @@ class Limiter:
         self._now_s = now_s
         return dt_s
 
-    def _driven_by_hand(self, seen: SeenState) -> bool:
+    def _is_driven_by_hand(self, seen: SeenState) -> bool:
         """Whether the driver has the car; the first measured angle becomes the output."""
         if seen.measures_speed:
             self._state_s, self._seen_mps = self._now_s, seen.speed_mps
@@ -161,7 +161,7 @@ class Limiter:
         self._saturation.rest(dt_s)
         reach_mps2 = self._limits.override.fade_mps3 * dt_s
         accel_mps2 = clip(0.0, (self._accel_mps2 - reach_mps2, self._accel_mps2 + reach_mps2))
-        return self._given(frame_s, seen.speed_mps, accel_mps2, dt_s)
+        return self._actuator_command(frame_s, seen.speed_mps, accel_mps2, dt_s)
 
     def _judge(self, seen: SeenState | None, *, lost: bool) -> None:
         """Begin the stop when commands or states are lost, and end it at standstill."""
@@ -190,7 +190,7 @@ class Limiter:
     def _steer(self, command: Command | None, seen: SeenState, dt_s: float, *, calm: bool) -> float:
         """Move the wheel towards the demand within the limits; returns the acceleration demand."""
         last_rad, limit_rad, speed_mps = self._wheel.angle_rad, self._limit_rad, seen.speed_mps
-        wanted_rad, rate_radps = self._wanted(command, speed_mps)
+        wanted_rad, rate_radps = self._wheel_demand(command, speed_mps)
         held_1pm = self._turn.curvature_1pm(last_rad, speed_mps)
         gentle = self._gentle(speed_mps, 0.0)
         calm = calm and inside(wanted_rad, gentle) and inside(last_rad, gentle)
@@ -212,7 +212,7 @@ class Limiter:
         self._saturation.step(wanted_rad, angle_rad, speed_mps, dt_s)
         return accel_mps2
 
-    def _wanted(self, command: Command | None, speed_mps: float) -> tuple[float, float]:
+    def _wheel_demand(self, command: Command | None, speed_mps: float) -> tuple[float, float]:
         """Demanded angle [rad] and rate [rad/s] of the wheel; without a command the last curvature."""
         rate_radps = self._vehicle.max_road_wheel_rate_radps
         if command is None:
@@ -274,9 +274,11 @@ class Limiter:
     def _remember(self, angle_rad: float, speed_mps: float) -> None:
         """Set the last output."""
         self._wheel = Wheel(angle_rad, speed_mps)
-        self._driver.demanded(angle_rad, self._now_s)
+        self._driver.add_demand(angle_rad, self._now_s)
 
-    def _given(self, frame_s: float | None, goal_mps: float, accel_mps2: float, dt_s: float) -> Command:
+    def _actuator_command(
+        self, frame_s: float | None, goal_mps: float, accel_mps2: float, dt_s: float
+    ) -> Command:
         """The command for the actuator; the drive follows it with a lag of first order."""
         passed = dt_s / max(self._vehicle.accel_lag_s + dt_s, LEAST)
         self._gaining_mps2 += passed * (accel_mps2 - self._gaining_mps2)

@@ -36,7 +36,7 @@ class DriverWatch:
         self._anchor_rad = 0.0  # wheel angle under the driver, within still_rad
         self._until_s = -math.inf  # end of the override
 
-    def demanded(self, angle_rad: float, now_s: float) -> None:
+    def add_demand(self, angle_rad: float, now_s: float) -> None:
         """Add a demand of the limiter."""
         self._demands.append((now_s, angle_rad))
         while self._demands[0][0] < now_s - self._window_s:

@@ -19,7 +19,7 @@ class SaturationWatch:
         self._cut_s = 0.0
 
     @property
-    def saturated(self) -> bool:
+    def is_saturated(self) -> bool:
         """Whether the demand has been cut for ``after_s``."""
         return self._cut_s >= self._limits.after_s
 

@@ -22,7 +22,7 @@ import math
 from typing import NamedTuple
 
 from controller.model.bicycle import curvature_from_angle
-from controller.model.lag import left_after
+from controller.model.lag import remaining_share
 from trepid.bounds import at_least, within
 from trepid.car.vehicle import Vehicle
 
@@ -61,7 +61,7 @@ class Tyres:
         settled_rad = -self._rear * speed_mps * yaw_rate_radps
         if abs(speed_mps) < _CRAWL_MPS:
             return settled_rad
-        return settled_rad + (drift_rad - settled_rad) * left_after(dt_s, self._rear * abs(speed_mps))
+        return settled_rad + (drift_rad - settled_rad) * remaining_share(dt_s, self._rear * abs(speed_mps))
 
     def turning(self, yaw_rate_radps: float, drift_rad: float, wheel_rad: float, speed_mps: float) -> Turning:
         """The measured turn; that of the wheel angle where the tyres follow without lag."""
@@ -80,7 +80,7 @@ class Tyres:
         wheel_rad = 0.5 * (wheel_before_rad + wheel_rad)
         towards_rad = within(wheel_rad + drift_rad * self._front / self._rear, _MAX_DIRECTION_RAD)
         settled_1pm = (math.tan(towards_rad) - drift_rad) / self._wheelbase_m
-        left = left_after(dt_s, self._front * abs(speed_mps))
+        left = remaining_share(dt_s, self._front * abs(speed_mps))
         end_1pm = settled_1pm + (yaw_1pm - settled_1pm) * left
         mean_radps = 0.5 * (yaw_1pm + end_1pm) * speed_mps
         return Turning(end_1pm, self.drift_after(drift_rad, mean_radps, speed_mps, dt_s))

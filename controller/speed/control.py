@@ -36,7 +36,7 @@ section 4.1 (longitudinal forces).
 
 import math
 
-from controller.model.lag import left_after
+from controller.model.lag import remaining_share
 from controller.speed.limits import SpeedSettings, Target
 from trepid.bounds import at_least, at_most, within
 from trepid.messages import Stop
@@ -57,7 +57,7 @@ class LoadObserver:
     def step(self, demand_mps2: float, *, speed_mps: float, dt_s: float) -> None:
         """Update with the speed after ``dt_s`` of ``demand_mps2``."""
         before_mps2 = self.acting_mps2
-        keep = left_after(dt_s, self._lag_s)
+        keep = remaining_share(dt_s, self._lag_s)
         self.acting_mps2 = demand_mps2 + (before_mps2 - demand_mps2) * keep
         gained_mps = demand_mps2 * dt_s + (before_mps2 - demand_mps2) * self._lag_s * (1.0 - keep)
         if self._speed_mps is None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from learning.dataset.dataset import Dataset, Rows
-from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
 from perception.estimators import lane_cv_settings
 from trepid.car.camera import Camera
 
@@ -11,4 +11,4 @@ from trepid.car.camera import Camera
 def route_camera(dataset: Dataset, rows: Rows) -> Camera:
     """The camera of the ``rows`` of one route, calibrated by frames that are spread evenly over them."""
     some = rows[np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES).astype(int)]
-    return self_calibrated([*dataset.images(some)], lane_cv_settings().self_calibration)
+    return calibrate_by_images([*dataset.images(some)], lane_cv_settings().self_calibration)

@@ -84,7 +84,7 @@ class JudgedModel:
             return _network_step(DrivingEstimator(self.name, self.network, self._vehicle), self.network)
         assert self._entry is not None
         known = self._camera
-        camera = known.resized(first.shape[1], first.shape[0]) if known else route_camera(dataset, rows)
+        camera = known.resize(first.shape[1], first.shape[0]) if known else route_camera(dataset, rows)
         return _estimator_step(self._entry.build(camera, self._vehicle, assumed=known is None))
 
 

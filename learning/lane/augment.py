@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from learning.pixels import add_noise, as_pixels, blemish, relight, shade
-from perception.net.canonical import MIRRORED, lane_of_row, row_of_lane, scaled
+from perception.net.canonical import MIRRORED, lane_of_row, row_of_lane, scale_lane
 from trepid.car.camera import Camera
 from trepid.config import Settings
 from trepid.types import Floats, Image, NonNegative, Share
@@ -83,7 +83,7 @@ class Augmenter:
         """
         ahead_m, left_m = (1 - raised) * self._camera.x_m, (1 - raised) * self._camera.y_m
         course, width_m = lane_of_row(lane, self._lookahead_m)
-        seen = scaled(course.seen_from(ahead_m, left_m), 1 / raised)
+        seen = scale_lane(course.in_frame_at(ahead_m, left_m), 1 / raised)
         return row_of_lane(seen, width_m / raised, self._lookahead_m)
 
     def pixel_from_pixel(self, raised: float) -> NDArray[np.float64]:

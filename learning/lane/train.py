@@ -15,7 +15,7 @@ from learning.lane.frames import TrainingShot, circuit_frames, mounted_frames, r
 from learning.lane.scores import Labelled, PursuitTask, calibrate, nonsense_seen, predict, scores
 from learning.lane.world import add_world, limits
 from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say, ship
-from perception.net.canonical import cropped
+from perception.net.canonical import crop_camera
 from perception.net.steer_net import Calibration, Network, SteerNetRecord
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -73,7 +73,7 @@ def run(
 
     started_s = time.monotonic()
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
-    canonical = cropped(camera, **recipe.crop.model_dump())
+    canonical = crop_camera(camera, **recipe.crop.model_dump())
     drives = read_drives(unlabelled, canonical, most_frames=recipe.self_training.most_frames)
     wheelbase_m = load(CONFIG_DIR / "vehicle.yaml", Vehicle).wheelbase_m
     shot = TrainingShot(camera, canonical, recipe.lane_lookahead_m, recipe.frames_per_road, recipe.scenery)

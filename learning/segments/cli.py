@@ -8,7 +8,7 @@ import typer
 
 from perception.net.published_files import download, store
 from perception.segments.network import Segmenter, SegmentNetwork
-from perception.segments.settings import FOLDER, described, fetched_file
+from perception.segments.settings import FOLDER, fetched_file, network_description
 from trepid.config import InputError, default_names
 
 ONNX = ".onnx"
@@ -22,7 +22,7 @@ app = typer.Typer(
 def list_networks() -> None:
     """Print the described networks: what they mark, their licence, and whether they are on this machine."""
     for name in default_names(FOLDER):
-        about, path = described(name), fetched_file(name)
+        about, path = network_description(name), fetched_file(name)
         print(f"{name}: {about.description}")
         print(f"  source   {about.source}")
         print(f"  licence  {about.licence}")
@@ -38,7 +38,7 @@ def fetch_network(
     ] = None,
 ) -> None:
     """Get a network from its publisher, once; `network: NAME` in segments.yaml chooses it."""
-    about, path = described(name), fetched_file(name)
+    about, path = network_description(name), fetched_file(name)
     if file is not None and file.suffix == ONNX:
         Segmenter(file, about)  # raises InputError where it is another network
         store(path, file.read_bytes())

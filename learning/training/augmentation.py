@@ -89,7 +89,7 @@ class Augmenter:
         The homography of the ground between the two places of the camera; what is above the horizon turns only.
         """
         height, width = image.shape[:2]
-        camera = self._camera.resized(width, height)
+        camera = self._camera.resize(width, height)
         c, s = math.cos(turned_rad), math.sin(turned_rad)
         place = np.array([[c, -s, 0], [s, c, left_m], [0, 0, 1]])  # of the moved vehicle in the recorded one
         project = camera.pixel_from_road_matrix

@@ -8,7 +8,7 @@ from pydantic import Field
 from ruamel.yaml.comments import CommentedMap
 
 from learning.models.catalogue import MODELS, model
-from trepid.config import CONFIG_DIR, InputError, Settings, located, overlay, parse, read
+from trepid.config import CONFIG_DIR, InputError, Settings, fault_line, overlay, parse, read
 from trepid.spelling import did_you_mean
 from trepid.types import NonNegative, Positive, PositiveShare, Share
 
@@ -112,11 +112,11 @@ def _with_model(data: CommentedMap, source: Path, name: str) -> CommentedMap:
     for other, section in sections.items():
         if other not in MODELS:
             what = f"no such network; {did_you_mean(other, MODELS)}"
-            raise InputError(located(["models", other], what, data, source))
+            raise InputError(fault_line(["models", other], what, data, source))
         for field in section or ():
             if field not in Recipe.model_fields:
                 what = f"no such field; {did_you_mean(field, Recipe.model_fields)}"
-                raise InputError(located(["models", other, field], what, data, source))
+                raise InputError(fault_line(["models", other, field], what, data, source))
     data.pop("models", None)
     overlay(data, sections.get(name) or CommentedMap(), source)
     return data

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from perception.camera.ground_fit import Optics
-from perception.camera.uncertainty import CameraBelief, mounted
+from perception.camera.uncertainty import CameraBelief, believed_camera
 from trepid.car.camera import Camera
 
 MAX_SPREAD = 0.15  # of the periods of dashes: between their quartiles, over the median
@@ -88,7 +88,7 @@ class CameraEvidence:
         if optics is not None and not turned:
             by_lines, belief = belief, belief.given_optics(optics)
             optics = None if belief is by_lines else optics
-        self._sure, self.camera = belief, mounted(self._assumed, belief, optics)
+        self._sure, self.camera = belief, believed_camera(self._assumed, belief, optics)
         if refused is not None and refused.focal_px is not None:
             height_m = refused.focal_height_pxm / refused.focal_px
             contradiction = max(contradiction, abs(math.log(height_m / belief.height_m)) / 2)

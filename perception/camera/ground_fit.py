@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_flow import Moved
+from perception.camera.ground_flow import GroundFlow
 from trepid.types import Array, Mask
 
 ROUNDS = 8  # of iteratively reweighted least squares
@@ -50,7 +50,7 @@ class Optics:
         float | None
     )  # columns by which the direction of driving lies left of the middle; None as `focal_px`
 
-    def enlarged(self, scale: float) -> "Optics":
+    def enlarge(self, scale: float) -> "Optics":
         """For an image ``scale`` times as large."""
         return replace(
             self,
@@ -66,7 +66,7 @@ def turning(turn_rad: float | None, dt_s: float) -> bool:
     return turn_rad is not None and abs(turn_rad) > TURNING_RADPS * dt_s
 
 
-def optics(pairs: Sequence[Moved], focal_px: float) -> Optics | None:
+def optics(pairs: Sequence[GroundFlow], focal_px: float) -> Optics | None:
     """The camera by ``pairs`` of frames; ``focal_px`` is a first value.
 
     None where the ground does not move, or where the turns contradict the images.
@@ -82,17 +82,17 @@ def optics(pairs: Sequence[Moved], focal_px: float) -> Optics | None:
     energy = sum((one.turn_rad or 0.0) ** 2 for one in pairs)
     turns = energy > LEAST_ENERGY * sum((RATE_NOISE_RADPS * one.dt_s) ** 2 for one in pairs)
     columns = _Columns(focal_px, np.inf, 0.0)
-    rows = _rows(before[:, 1], _unturned(after, turn, columns), way, pair, focal_px)
+    rows = _rows(before[:, 1], _remove_turn(after, turn, columns), way, pair, focal_px)
     for _ in range(ALTERNATIONS if turns else 0):
         if rows is None:
             return None
-        below = _unturned(after, turn, columns) + rows.horizon_px
+        below = _remove_turn(after, turn, columns) + rows.horizon_px
         moves = _Moves(before[:, 0], after[:, 0], below / (before[:, 1] + rows.horizon_px), below, turn, dt)
         fitted = _columns(moves.part(known), columns)
         if fitted is None or not abs(math.log(fitted.focal_px / focal_px)) < MAX_FOCAL_CHANGE:
             return None
         columns = fitted
-        rows = _rows(before[:, 1], _unturned(after, turn, columns), way, pair, columns.focal_px)
+        rows = _rows(before[:, 1], _remove_turn(after, turn, columns), way, pair, columns.focal_px)
     if rows is None:
         return None
     return Optics(
@@ -105,7 +105,7 @@ def optics(pairs: Sequence[Moved], focal_px: float) -> Optics | None:
     )
 
 
-def _unturned(after: Array, turn: Array, columns: "_Columns") -> Array:
+def _remove_turn(after: Array, turn: Array, columns: "_Columns") -> Array:
     """The rows after the way without the turn: v′ = v″/(1 + u″·Δψ/f)."""
     return np.asarray(after[:, 1] / (1 + (after[:, 0] + columns.aside_px) * turn / columns.focal_px))
 

@@ -36,7 +36,7 @@ class GroundInImage:
         turned = np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
         return np.asarray(np.diag([f, f, 1.0]) @ turned @ np.linalg.inv(camera.intrinsics))
 
-    def moved(self, way_m: float, turn_rad: float) -> Array:
+    def homography_after(self, way_m: float, turn_rad: float) -> Array:
         """The homography of the ground in the image, from before to after a way and a turn to the left."""
         c, s, f = math.cos(turn_rad), math.sin(turn_rad), self.focal_px
         driven = np.array([[1, 0, 0], [0, 1, 0], [0, -way_m / self.focal_height_pxm, 1.0]])
@@ -45,7 +45,7 @@ class GroundInImage:
 
 
 @dataclass(frozen=True)
-class Moved:
+class GroundFlow:
     """Corners of the ground in two frames, in ``Ground.level`` coordinates, and the odometry in between."""
 
     before_px: Array  # (n, 2)
@@ -60,22 +60,22 @@ class Moved:
         return np.asarray(1 / self.before_px[:, 1] - 1 / self.after_px[:, 1])
 
 
-def tracked(
+def track_corners(
     before: Image, after: Image, ground: GroundInImage, way_m: float, turn_rad: float | None, dt_s: float
-) -> Moved:
+) -> GroundFlow:
     """Corners of the ground in two grey images.
 
     The second image is warped back by the expected motion, so that the corners keep place and size; without this,
     their growth shifts them by several per cent of their motion. Corners of Shi and Tomasi, tracked forwards and
     backwards by Lucas and Kanade.
     """
-    nothing = Moved(np.empty((0, 2)), np.empty((0, 2)), way_m, turn_rad, dt_s)
+    nothing = GroundFlow(np.empty((0, 2)), np.empty((0, 2)), way_m, turn_rad, dt_s)
     found = cv2.goodFeaturesToTrack(
         before, CORNERS, QUALITY, APART_PX, mask=_mask(before.shape, ground, way_m)
     )
     if found is None:
         return nothing
-    homography = ground.moved(way_m, turn_rad or 0.0)
+    homography = ground.homography_after(way_m, turn_rad or 0.0)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     seen = cv2.warpPerspective(
         after, homography, after.shape[1::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE
@@ -89,7 +89,7 @@ def tracked(
         return nothing
     starts = cv2.perspectiveTransform(found[kept], ground.level)[:, 0]
     ends = cv2.perspectiveTransform(there[kept], ground.level @ homography)[:, 0]
-    return Moved(starts.astype(float), ends.astype(float), way_m, turn_rad, dt_s)
+    return GroundFlow(starts.astype(float), ends.astype(float), way_m, turn_rad, dt_s)
 
 
 def _mask(shape: tuple[int, ...], ground: GroundInImage, way_m: float) -> Image:

@@ -50,11 +50,11 @@ class ImageStatistician:
             over_exposed=np.count_nonzero(grey >= OVER_EXPOSED_GREY) / grey.size,
             under_exposed=np.count_nonzero(grey <= UNDER_EXPOSED_GREY) / grey.size,
             sharpness=_sharpness(grey),
-            frozen_s=self._frozen_s(grey, max(frame.t_s, now_s)),
-            spots=self._spotted(grey, frame.t_s),
+            frozen_s=self._freeze_s(grey, max(frame.t_s, now_s)),
+            spots=self._spot_share(grey, frame.t_s),
         )
 
-    def _frozen_s(self, grey: Image, t_s: float) -> float:
+    def _freeze_s(self, grey: Image, t_s: float) -> float:
         """Time [s] without a new image: with a single image, two in turn, or a loop of ``REMEMBERED_IMAGES``.
 
         Images of a live sensor never repeat, because of its noise.
@@ -67,7 +67,7 @@ class ImageStatistician:
         self._checksums.append(checksum)
         return max(0.0, t_s - self._new_s)
 
-    def _spotted(self, grey: Image, t_s: float) -> float:
+    def _spot_share(self, grey: Image, t_s: float) -> float:
         """Share of tiles with a dark spot that stands still; 0 in the first frame.
 
         A spot stands still when the running mean over SPOT_MEMORY_S contains it; dirt that covers SPATTERED of the
@@ -112,14 +112,14 @@ def _dark_spots(grey: Image) -> Image:
     darker in one direction only.
     """
     small = cv2.resize(grey, SPOT_MAP_PX, interpolation=cv2.INTER_AREA)
-    around = cv2.min(_closed(small, (SPOT_PX, 1)), _closed(small, (1, SPOT_PX)))
+    around = cv2.min(_close_gaps(small, (SPOT_PX, 1)), _close_gaps(small, (1, SPOT_PX)))
     depth = cv2.subtract(around, small)
     return cv2.compare(
         depth, cv2.addWeighted(around, SPOT_DEPTH, around, 0.0, SPOT_DEPTH_GREY), cv2.CMP_GT
     ).astype(np.uint8, copy=False)
 
 
-def _closed(image: cv2.typing.MatLike, size: tuple[int, int]) -> cv2.typing.MatLike:
+def _close_gaps(image: cv2.typing.MatLike, size: tuple[int, int]) -> cv2.typing.MatLike:
     return cv2.morphologyEx(image, cv2.MORPH_CLOSE, _rectangle(size))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from perception.camera.grey import grey
 from perception.camera.ground_fit import Optics, optics, turning
-from perception.camera.ground_flow import GroundInImage, Moved, tracked
+from perception.camera.ground_flow import GroundFlow, GroundInImage, track_corners
 from perception.camera.road_lines import pitch_and_yaw
 from trepid.car.camera import Camera
 from trepid.types import Image
@@ -45,7 +45,7 @@ class _Last:
     turn_rad: float | None = 0.0
     since_s: float = 0.0
 
-    def driven(self, t_s: float, speed_mps: float, yaw_rate_radps: float | None) -> "_Last":
+    def advance(self, t_s: float, speed_mps: float, yaw_rate_radps: float | None) -> "_Last":
         """After the next frame: trapezoidal sums of speed and yaw rate."""
         dt_s, turn_rad = t_s - self.t_s, self.turn_rad
         if turn_rad is not None and self.yaw_rate_radps is not None and yaw_rate_radps is not None:
@@ -74,10 +74,10 @@ class DriveOptics:
         self._shape = camera.height_px, camera.width_px
         self._scale = min(1.0, MAX_WIDTH_PX / camera.width_px)
         self._size_px = round(camera.width_px * self._scale), round(camera.height_px * self._scale)
-        small = camera.resized(*self._size_px)
+        small = camera.resize(*self._size_px)
         self._ground = GroundInImage(small, small.fx_px, small.fx_px * small.height_m)
         self._first_horizon_px = small.horizon_row_px
-        self._pairs: list[Moved] = []
+        self._pairs: list[GroundFlow] = []
         self._restarts = 0
         self._last: _Last | None = None
 
@@ -109,25 +109,25 @@ class DriveOptics:
         if last is None or not 0 < t_s - last.t_s < MAX_PAUSE_S:
             self._last = fresh
             return None
-        last = last.driven(t_s, speed_mps, yaw_rate_radps)
+        last = last.advance(t_s, speed_mps, yaw_rate_radps)
         if last.way_m < MIN_WAY_M:
             self._last = last
             return None
         self._last = fresh
-        return self.measured() if self._add(last, small) and self.pairs % JUDGED_EVERY == 0 else None
+        return self.fit_optics() if self._add(last, small) and self.pairs % JUDGED_EVERY == 0 else None
 
     def _add(self, last: _Last, image: Image) -> bool:
         """Whether a pair of frames is a new one."""
         straight = sum(1 for one in self._pairs if not turning(one.turn_rad, one.dt_s))
         if straight >= self._enough // 2 and not turning(last.turn_rad, last.since_s):
             return False
-        pair = tracked(last.image, image, self._ground, last.way_m, last.turn_rad, last.since_s)
+        pair = track_corners(last.image, image, self._ground, last.way_m, last.turn_rad, last.since_s)
         if len(pair.before_px) < MIN_CORNERS:
             return False
         self._pairs.append(pair)
         return True
 
-    def measured(self) -> Optics | None:
+    def fit_optics(self) -> Optics | None:
         """The camera by all pairs, in pixels of its images; the next corners are tracked from there."""
         found = optics(self._pairs, self._ground.focal_px) if self._pairs else None
         if found is None:
@@ -143,4 +143,4 @@ class DriveOptics:
             turned = pitch_and_yaw(lens.cx_px, camera.horizon_row_px - found.horizon_px, lens)
             self._ground = replace(self._ground, camera=lens.model_copy(update=turned))
             self._pairs.clear()
-        return replace(found, horizon_px=found.horizon_px + raised_px).enlarged(1 / self._scale)
+        return replace(found, horizon_px=found.horizon_px + raised_px).enlarge(1 / self._scale)

@@ -54,20 +54,20 @@ def segments(grey: Image) -> Segments:
     return Segments((start + end) / 2, span / np.maximum(length_px, 1e-9)[:, None], length_px)
 
 
-def joined(images: Sequence[Segments]) -> Segments:
+def join_segments(images: Sequence[Segments]) -> Segments:
     """The segments of several images."""
     return Segments(*(np.concatenate(values) for values in zip(*images, strict=True)))
 
 
 def road_segments(image: Image, camera: Camera) -> Segments:
     """Segments that may run along the road: long, and not level."""
-    found = segments(undistorted(image, camera))
+    found = segments(undistort(image, camera))
     chosen = (found.length_px > MIN_SEGMENT * camera.width_px) & (np.abs(found.direction[:, 1]) > MIN_RISE)
     chosen &= found.middle_px[:, 1] < BONNET_SHARE * camera.height_px
     return found.part(chosen)
 
 
-def undistorted(image: Image, camera: Camera) -> Image:
+def undistort(image: Image, camera: Camera) -> Image:
     """``image`` in grey without lens distortion."""
     if not any(camera.distortion):
         return grey(image)
@@ -113,7 +113,7 @@ def meeting_point(lines: Segments, start_px: Array, camera: Camera) -> Array | N
     A frame in which the vehicle heads elsewhere has its point aside of that of the other frames. It must not be
     left out, because the frames that remain would sway less than the drive.
     """
-    point = refined(lines, start_px, camera)
+    point = refine_point(lines, start_px, camera)
     if point is not None:
         return point
     try:
@@ -121,10 +121,10 @@ def meeting_point(lines: Segments, start_px: Array, camera: Camera) -> Array | N
     except InputError:
         return None
     level = abs(own_px[1] - start_px[1]) < NEAR_RAD * camera.fy_px
-    return refined(lines, own_px, camera) if level else None
+    return refine_point(lines, own_px, camera) if level else None
 
 
-def refined(lines: Segments, start_px: Array, camera: Camera) -> Array | None:
+def refine_point(lines: Segments, start_px: Array, camera: Camera) -> Array | None:
     """The point near ``start_px`` at which the segments of a frame meet: least squares of angles, Cauchy weights.
 
     The angle of a segment is weighted by its length. None with too few segments, or with all on one side.

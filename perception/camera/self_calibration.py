@@ -27,7 +27,7 @@ class VanishingPoint(NamedTuple):
     y: float
 
 
-def self_calibrated(images: Sequence[NDArray[np.uint8]], settings: SelfCalibrationSettings) -> Camera:
+def calibrate_by_images(images: Sequence[NDArray[np.uint8]], settings: SelfCalibrationSettings) -> Camera:
     """A typical windscreen camera for ``images`` of equal size, with the median horizon of their vanishing points.
 
     A flat road straight ahead vanishes at v = cy − f·tan(pitch), so pitch = atan((cy − v)/f). In an image much

@@ -61,11 +61,13 @@ class CameraBelief:
 
     def given_width(self, width_heights: float, *, width_m: float, width_sigma_m: float) -> "CameraBelief":
         """The belief after a lane between two lines, ``width_heights`` heights of the camera wide."""
-        return self._given((1, 0), math.log(width_m / width_heights), width_sigma_m / width_m, MAX_SURPRISE)
+        return self._condition(
+            (1, 0), math.log(width_m / width_heights), width_sigma_m / width_m, MAX_SURPRISE
+        )
 
     def given_dashes(self, focal_height_pxm: float) -> "CameraBelief":
         """The belief after a line with dashes of known length, whose period in the image gives f·h."""
-        return self._given((1, 1), math.log(focal_height_pxm), DASH_SIGMA, MAX_SURPRISE)
+        return self._condition((1, 1), math.log(focal_height_pxm), DASH_SIGMA, MAX_SURPRISE)
 
     def given_optics(self, optics: Optics) -> "CameraBelief":
         """The belief after odometry against the motion of the ground.
@@ -76,14 +78,14 @@ class CameraBelief:
         belief = self
         if optics.focal_px is not None:
             sigma = math.hypot(optics.focal_sigma, TURN_SIGMA)
-            belief = self._given((0, 1), math.log(optics.focal_px), sigma, MAX_SURPRISE_OF_FOCAL)
+            belief = self._condition((0, 1), math.log(optics.focal_px), sigma, MAX_SURPRISE_OF_FOCAL)
             if belief is self:
                 return self
         sigma = math.hypot(optics.focal_height_sigma, WAY_SIGMA)
-        after = belief._given((1, 1), math.log(optics.focal_height_pxm), sigma, MAX_SURPRISE)
+        after = belief._condition((1, 1), math.log(optics.focal_height_pxm), sigma, MAX_SURPRISE)
         return self if after is belief else after
 
-    def _given(self, row: tuple[int, int], seen: float, sigma: float, surprise: float) -> "CameraBelief":
+    def _condition(self, row: tuple[int, int], seen: float, sigma: float, surprise: float) -> "CameraBelief":
         """The belief after the measurement ``seen`` ± ``sigma`` of row·(ln h, ln f); this one after a surprise."""
         mean, spread = np.log([self.height_m, self.focal_px]), [self.height_sigma, self.focal_sigma]
         covariance = np.outer(spread, spread) * [[1.0, self.correlation], [self.correlation, 1.0]]
@@ -104,16 +106,16 @@ class CameraBelief:
         )
 
 
-def mounted(assumed: Camera, belief: CameraBelief, optics: Optics | None) -> Camera:
+def believed_camera(assumed: Camera, belief: CameraBelief, optics: Optics | None) -> Camera:
     """``assumed`` with the medians of ``belief``, and the horizon and direction of driving of ``optics``."""
     lens = {"fx_px": belief.focal_px, "fy_px": belief.focal_px, "height_m": belief.height_m}
     camera = assumed.model_copy(update=lens)
     if optics is None:
         return camera
-    return turned_by(optics, camera, assumed)
+    return turn_camera(optics, camera, assumed)
 
 
-def turned_by(optics: Optics, lens: Camera, first: Camera) -> Camera:
+def turn_camera(optics: Optics, lens: Camera, first: Camera) -> Camera:
     """``lens`` towards the horizon and the direction that ``optics`` gives relative to the camera ``first``.
 
     Without a direction the yaw stays.

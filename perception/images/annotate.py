@@ -27,14 +27,14 @@ MIN_WIDTH_PX = 640  # smaller images are enlarged for legible text
 SINGLE_IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".bmp"})
 
 
-def annotated(image: Image, estimate: SteeringEstimate) -> Image:
+def annotate(image: Image, estimate: SteeringEstimate) -> Image:
     """A copy of ``image``, at least 640 px wide, with the lane and the numbers of ``estimate`` drawn into it."""
     return _panel(with_lane(image, estimate), estimate, _confidence_colour(estimate.confidence))
 
 
 def with_lane(image: Image, estimate: SteeringEstimate) -> Image:
     """A copy of ``image``, at least 640 px wide, with the lane of ``estimate`` drawn into it."""
-    canvas, scale = enlarged(image)
+    canvas, scale = enlarge(image)
     left, right = (
         np.array(path, float).reshape(-1, 2) * scale
         for path in (estimate.left_boundary_px, estimate.right_boundary_px)
@@ -48,7 +48,7 @@ def with_lane(image: Image, estimate: SteeringEstimate) -> Image:
     return canvas
 
 
-def enlarged(image: Image) -> tuple[Image, float]:
+def enlarge(image: Image) -> tuple[Image, float]:
     """A copy of ``image``, at least 640 px wide, and the factor of enlargement."""
     scale = max(1.0, MIN_WIDTH_PX / image.shape[1])
     size = (round(image.shape[1] * scale), round(image.shape[0] * scale))

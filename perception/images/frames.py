@@ -107,7 +107,7 @@ def _of_source(
         yield FrameResult(path, number, t_s, image, camera, result, latency_ms, source.fps)
 
 
-def written(
+def write_frames(
     found: Iterator[FrameResult[R]],
     inputs: Iterable[Path],
     out: Path,
@@ -131,7 +131,7 @@ def show(
 ) -> None:
     """Print what is ``found`` in ``inputs`` as it comes, and write annotated frames. Raises InputError."""
     if annotate is not None:
-        found = written(found, inputs, annotate, sheet.draw)
+        found = write_frames(found, inputs, annotate, sheet.draw)
     if as_json:
         print_json(map(sheet.as_row, found))
     else:

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from perception.images.annotate import annotated, as_path, number
+from perception.images.annotate import annotate, as_path, number
 from perception.images.frames import FrameResult, Sheet
 from trepid.messages import SteeringEstimate
 
@@ -68,5 +68,5 @@ LANES = Sheet(
     columns=COLUMNS,
     left={"file", "reason"},
     cells=_cells,
-    draw=lambda one: annotated(one.image, one.result),
+    draw=lambda one: annotate(one.image, one.result),
 )

@@ -14,7 +14,7 @@ from trepid.scale import scaled_message, scaled_settings
 REACH_M = 20.0  # of the drawn boundaries, in the reference world (trepid.scale)
 
 
-def outlined(estimate: SteeringEstimate, camera: Camera, vehicle: Vehicle) -> SteeringEstimate:
+def with_boundaries(estimate: SteeringEstimate, camera: Camera, vehicle: Vehicle) -> SteeringEstimate:
     """``estimate`` with boundaries half of its lane width left and right of its lane centre.
 
     An estimate that has boundaries, or no lane state, is returned as it is. Without a measured width that of

@@ -14,8 +14,8 @@ from trepid.config import InputError
 from trepid.images.files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
 from trepid.images.video import loss_of, spread_images, video_frames, video_rate_hz
 from trepid.recording.car import recorded_car
-from trepid.recording.images import RecordedImages, decoded, recorded_images
-from trepid.recording.reader import Recorded, read_head
+from trepid.recording.images import RecordedImages, decode_image, recorded_images
+from trepid.recording.reader import RecordingContent, read_head
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
 from trepid.types import Image
 
@@ -43,7 +43,7 @@ Refused = Callable[[InputError], None]
 """Takes the error of an image that cannot be read, and either raises it or returns: the image is left out."""
 
 
-def _raised(error: InputError) -> None:
+def _raise_error(error: InputError) -> None:
     raise error
 
 
@@ -59,9 +59,9 @@ class Still:
         """The decoded image. Raises InputError."""
         return read_image(self.path)
 
-    def shots(self, refused: Refused = _raised) -> Iterator[SourceImage]:
+    def shots(self, refused: Refused = _raise_error) -> Iterator[SourceImage]:
         """The image at time 0. ``refused`` gets the error of an unreadable image of a folder."""
-        image = _image(self.path, refused if self.in_folder else _raised)
+        image = _image(self.path, refused if self.in_folder else _raise_error)
         if image is not None:
             yield SourceImage(self.path, 0, 0.0, image)
 
@@ -74,7 +74,7 @@ class Stills:
     files: Sequence[Path]
     fps: float
 
-    def shots(self, refused: Refused = _raised) -> Iterator[SourceImage]:
+    def shots(self, refused: Refused = _raise_error) -> Iterator[SourceImage]:
         """The images in order; ``refused`` gets the errors of unreadable ones, whose places in time stay empty."""
         for number, path in enumerate(self.files):
             image = _image(path, refused)
@@ -93,7 +93,7 @@ class Footage:
     """The camera images of a recording of Trepid, whose frames are tracked."""
 
     images: RecordedImages
-    head: Recorded
+    head: RecordingContent
     fps: float
 
     @property
@@ -106,10 +106,10 @@ class Footage:
         """The recording states its drive, so that its camera is known: that of its car, else the shipped one."""
         return bool(self.head.notes)
 
-    def shots(self, refused: Refused = _raised) -> Iterator[SourceImage]:
+    def shots(self, refused: Refused = _raise_error) -> Iterator[SourceImage]:
         """The images by their capture times. ``refused`` gets the error of an image that cannot be decoded."""
         for number, (_, message) in enumerate(self.images.messages()):
-            image = decoded(message)
+            image = decode_image(message)
             if image is None:
                 refused(InputError(f"{self.path}: the image of {message.t_s:.3f} s cannot be decoded"))
             else:
@@ -119,7 +119,7 @@ class Footage:
         """Up to ``count`` images spread over the recording, for calibration; undecodable ones are left out."""
         wanted = set(np.linspace(0, self.images.count() - 1, count).astype(int).tolist())
         chosen = (message for place, (_, message) in enumerate(self.images.messages()) if place in wanted)
-        found = [image for message in chosen if (image := decoded(message)) is not None]
+        found = [image for message in chosen if (image := decode_image(message)) is not None]
         if not found:
             raise InputError(f"{self.path}: no image of this recording can be decoded")
         return found
@@ -136,7 +136,7 @@ class Clip:
         """Its frames. Raises InputError as :meth:`shots`."""
         return (shot.image for shot in self.shots())
 
-    def shots(self, refused: Refused = _raised) -> Iterator[SourceImage]:
+    def shots(self, refused: Refused = _raise_error) -> Iterator[SourceImage]:
         """Its frames by their stamps. Raises InputError after the last one when the file is cut short."""
         count = 0
         for frame in video_frames(self.path):

@@ -69,7 +69,7 @@ def with_noise(image: Image) -> Image:
     return np.clip(image.astype(np.int16) + noise, 0, 255).astype(np.uint8)
 
 
-def shifted(image: Image) -> Image:
+def shift_image(image: Image) -> Image:
     """``image`` moved right and down by ``SHIFT_PX``."""
     move = np.array([[1.0, 0.0, SHIFT_PX], [0.0, 1.0, SHIFT_PX]])
     size = image.shape[1], image.shape[0]

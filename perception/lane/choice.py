@@ -65,16 +65,16 @@ class LaneChoice:
             edges = self._follow_edges(search, memory)
             if edges.score >= settings.good_score:
                 self._lines_missing += 1
-                return self._kept(edges, memory)
+                return self._keep(edges, memory)
         lines = self._follow_lines(search, memory)
         self._lines_missing = 0 if lines.score >= settings.min_score else self._lines_missing + 1
         if lines.score >= settings.good_score:
-            return self._kept(lines, memory)
+            return self._keep(lines, memory)
         if memory.source == LINES and lines.score >= settings.min_score:
             return self._unless_rival(lines, search, memory)
         edges = edges or self._follow_edges(search, memory)
         if edges.score >= settings.good_score:
-            return self._kept(edges, memory)
+            return self._keep(edges, memory)
         return self._unless_rival(self._lines_or_edges(lines, edges, memory), search, memory)
 
     def _follow_lines(self, search: FrameSearch, memory: LaneMemory) -> Candidate:
@@ -150,7 +150,7 @@ class LaneChoice:
                 self._rival_looks += 1
                 if _continues(rival.fit, lane, track) or self._rival_looks >= track.confirm_looks:
                     memory.looks = 0
-                    return self._kept(rival, memory)
+                    return self._keep(rival, memory)
             else:
                 self._rival_looks = 0
         elif self._is_rival_due and not weak.sure:
@@ -171,7 +171,7 @@ class LaneChoice:
             return False
         return self._probability(best, memory) < memory.faded_probability
 
-    def _kept(self, candidate: Candidate, memory: LaneMemory) -> Candidate:
+    def _keep(self, candidate: Candidate, memory: LaneMemory) -> Candidate:
         self._rival_looks = self._weak_frames = 0
         memory.rival = None
         return candidate

@@ -9,8 +9,8 @@ from perception.lane.detection.edges import RoadImage
 from perception.lane.detection.fitter import LaneFitter, on_middles
 from perception.lane.detection.vote import VoteSettings, vote_lane
 from perception.lane.model.evidence import NO_SUPPORT, LaneFit
-from perception.lane.model.geometry import PITCH, LaneState, RoadPoints, levelled
-from perception.lane.model.prior import straightened
+from perception.lane.model.geometry import PITCH, LaneState, RoadPoints, level_points
+from perception.lane.model.prior import straight_prior
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import ViewTables
 from trepid.types import Array, Floats, Image
@@ -34,18 +34,18 @@ class FrameSearch:
     def shape_anywhere(self) -> LaneState | None:
         """The first half of :meth:`lines_anywhere`: the shape with the most votes; None without enough of them."""
         vote, prior = self._settings.vote, self._settings.prior
-        return self._voted(prior.lane, (vote.cold, vote.refine))
+        return self._vote_shape(prior.lane, (vote.cold, vote.refine))
 
     def lines_like(self, shape: LaneState | None) -> LaneFit:
         """The second half of :meth:`lines_anywhere`: the lane between the lines near ``shape``."""
         prior = self._settings.prior
         if shape is None:
             return _nothing(prior.lane)
-        return self._between_lines(prior.lane, shape.mean, straightened(prior.lane, prior))
+        return self._between_lines(prior.lane, shape.mean, straight_prior(prior.lane, prior))
 
     def lines_near(self, predicted: LaneState) -> LaneFit:
         """The best lane between lines among shapes around ``predicted``."""
-        shape = self._voted(predicted, (self._settings.vote.tracked,))
+        shape = self._vote_shape(predicted, (self._settings.vote.tracked,))
         return _nothing(predicted) if shape is None else self._between_lines(predicted, shape.mean)
 
     def lines_at(self, predicted: LaneState) -> LaneFit:
@@ -59,7 +59,7 @@ class FrameSearch:
         start = finder.search(sums, steps, prior.road)
         sums = finder.sums(self._road_image, lane=start)
         start = finder.search(sums, steps, prior.road, near=start)
-        return self._between_edges(sums, prior.road, start, straightened(prior.road, prior))
+        return self._between_edges(sums, prior.road, start, straight_prior(prior.road, prior))
 
     def edges_at(self, predicted: LaneState) -> LaneFit:
         """The road between the edges of ``predicted``, without a search."""
@@ -75,16 +75,16 @@ class FrameSearch:
 
     @cached_property
     def _road_image(self) -> RoadImage:
-        return self._view.edges.prepared(self._image)
+        return self._view.edges.prepare(self._image)
 
     @cached_property
     def _road_sums(self) -> Floats:
         return self._view.edges.sums(self._road_image)
 
-    def _voted(self, prior: LaneState, stages: tuple[VoteSettings, ...]) -> LaneState | None:
+    def _vote_shape(self, prior: LaneState, stages: tuple[VoteSettings, ...]) -> LaneState | None:
         """``prior`` at the shape with the most votes in the last of ``stages``, each around the one before."""
         vote, grid = self._settings.vote, self._view.grid
-        x_m, y_m = levelled(self._points, prior.mean[PITCH], grid.camera)
+        x_m, y_m = level_points(self._points, prior.mean[PITCH], grid.camera)
         flat = self._points._replace(x_m=x_m, y_m=y_m)
         start, support = prior.mean, 0.0
         for stage in stages:
@@ -98,19 +98,19 @@ class FrameSearch:
     ) -> LaneFit:
         """The lane fitted to the points near the boundaries of ``start``."""
         fitter, count = self._line_fitter, len(self._points.x_m)
-        near, side = fitter.assigned(self._points, start)
-        fitted = fitter.fitted(near, side, prior, start, straight)
+        near, side = fitter.assign_sides(self._points, start)
+        fitted = fitter.solve(near, side, prior, start, straight)
         middles = on_middles(near, side, fitted.residual_m)
         if middles is not near:
             near = middles
-            fitted = fitter.fitted(near, side, prior, fitted.state.mean, straight)
+            fitted = fitter.solve(near, side, prior, fitted.state.mean, straight)
         lane = fitter.with_evidence(fitted, near, side, count=count, foreseen=foreseen)
         if lane.boundaries_seen != 1:
             return lane
         # Points near the missing line are no line, so they must not change the width.
         own = np.flatnonzero(side == (1.0 if lane.left.seen else -1.0))
         near, side = near.part(own), side[own]
-        fitted = fitter.fitted(near, side, prior, fitted.state.mean, straight)
+        fitted = fitter.solve(near, side, prior, fitted.state.mean, straight)
         return fitter.with_evidence(fitted, near, side, count=count, foreseen=foreseen)
 
     def _between_edges(
@@ -119,7 +119,7 @@ class FrameSearch:
         """The road fitted to the edges near those of ``start``, as a lane as wide as the road."""
         finder, fitter = self._view.edges, self._edge_fitter
         points, side = finder.points(sums, start)
-        fitted = fitter.fitted(points, side, prior, start, straight)
+        fitted = fitter.solve(points, side, prior, start, straight)
         road = fitter.with_evidence(fitted, points, side, count=len(points.x_m))
         return replace(road, by_edges=True, apart=finder.apart(sums, road.state.mean))
 

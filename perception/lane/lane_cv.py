@@ -90,7 +90,7 @@ class LaneCv:
 
     def _view_of(self, width_px: int, height_px: int) -> ViewTables | None:
         if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
-            self._camera = self._camera.resized(width_px, height_px)
+            self._camera = self._camera.resize(width_px, height_px)
             self._view = make_view(self._settings, self._camera)
         return self._view
 

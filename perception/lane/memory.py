@@ -4,7 +4,7 @@ import math
 
 from perception.lane.model.geometry import LaneState
 from perception.lane.model.lane_in_road import lane_within, road_around
-from perception.lane.model.prediction import VehicleMotion, predict, steady, travelled_m
+from perception.lane.model.prediction import VehicleMotion, predict, steady, travelled_distance_m
 from perception.lane.model.prior import looks_straight, on_straight
 from perception.lane.rating import NO_FACTORS, Candidate, Rating
 from perception.lane.settings import LaneCvSettings
@@ -45,7 +45,7 @@ class LaneMemory:
         if dt_s < 0 or t_s - self.seen_t_s > max(share * track.max_coast_s, MIN_UNSEEN_S):
             self.lane, self.rival, self.looks, self.neighbour = None, None, 0, 0
             return
-        way_m = travelled_m(motion, dt_s, track)
+        way_m = travelled_distance_m(motion, dt_s, track)
         self._unmarked_m, self._unseen_m = self._unmarked_m + way_m, self._unseen_m + way_m
         self.lane = predict(self.lane, dt_s, motion, track=track, prior=self._settings.prior)
         if self.rival is not None:
@@ -67,15 +67,15 @@ class LaneMemory:
         self._t_s = self.seen_t_s = t_s
         odds = (settings.edge_fit if fit.by_edges else settings.fit).straight_log_odds
         self._straight = looks_straight(self.lane, settings.prior, log_odds=odds)
-        return self._straightened(self.lane)
+        return self._straighten(self.lane)
 
     def coast(self) -> LaneState:
         """Keep the predicted lane without a detection, with a constant bend; returns it."""
         assert self.lane is not None
-        self.lane = steady(self._straightened(self.lane))
+        self.lane = steady(self._straighten(self.lane))
         return self.lane
 
-    def _straightened(self, lane: LaneState) -> LaneState:
+    def _straighten(self, lane: LaneState) -> LaneState:
         return on_straight(lane, self._settings.prior) if self._straight else lane
 
     @property

@@ -12,7 +12,7 @@ from perception.lane.model.evidence import LaneFit
 from perception.lane.model.geometry import KAPPA, PSI, LaneState, RoadPoints, parallel_curve
 from perception.lane.settings import LaneCvSettings
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair, boundaries, pairs
-from perception.lane.street.profile import Levelled, Profile, StreetCourse, StreetView
+from perception.lane.street.profile import LevelImage, Profile, StreetCourse, StreetView
 from perception.lane.view import make_view
 from trepid.car.camera import Camera
 from trepid.types import Array, Image
@@ -81,15 +81,15 @@ def street_lane(
     )
     if not ranked:
         return None
-    fit = _fitted(view, levelled, profile.course, ranked[0], settings)
+    fit = _fit_lane(view, levelled, profile.course, ranked[0], settings)
     seen = camera.model_copy(
         update={"pitch_down_rad": 0.0, "cy_px": profile.course.horizon * camera.width_px}
     )
     return StreetLane(ranked[0], tuple(ranked[1:]), profile, fit, seen)
 
 
-def _fitted(
-    view: StreetView, levelled: Levelled, course: StreetCourse, pair: Pair, settings: LaneCvSettings
+def _fit_lane(
+    view: StreetView, levelled: LevelImage, course: StreetCourse, pair: Pair, settings: LaneCvSettings
 ) -> LaneFit:
     """The lane fitted to the paint and the steps near the boundaries of ``pair``."""
     start = np.array([pair.offset_m, course.heading_rad, course.curvature_1pm, 0.0, pair.width_m, 0.0])
@@ -101,11 +101,11 @@ def _fitted(
         [np.full(len(near.x_m), sign) for near, sign in zip(both, (1.0, -1.0), strict=True)]
     )
     fitter = LaneFitter(view.grid, settings.fit, settings.evidence)
-    fitted = fitter.fitted(points, side, loose, start, None)
+    fitted = fitter.solve(points, side, loose, start, None)
     return fitter.with_evidence(fitted, points, side, count=len(levelled.points.x_m))
 
 
-def _near(view: StreetView, levelled: Levelled, lane: Array, boundary: Boundary) -> RoadPoints:
+def _near(view: StreetView, levelled: LevelImage, lane: Array, boundary: Boundary) -> RoadPoints:
     """Points of ``boundary`` near its curve, far to near."""
     gate = view.settings.gate_m
     if boundary.kind == BoundaryKind.LINE:

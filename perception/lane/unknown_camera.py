@@ -27,7 +27,7 @@ import numpy as np
 from perception.camera.evidence import CameraEvidence
 from perception.camera.ground_fit import Optics
 from perception.camera.uncertainty import CameraBelief, with_camera_doubt
-from perception.lane.agreement import agreement, lane_columns, marginal, shifted, with_noise
+from perception.lane.agreement import agreement, lane_columns, marginal, shift_image, with_noise
 from perception.lane.detection.dashes import dash_period
 from perception.lane.detection.evenness import unevenness
 from perception.lane.lane_cv import LaneCv
@@ -44,7 +44,7 @@ EQUAL = 0.02  # difference of P
 SURE = 0.5  # probability of a lane whose width counts
 MATERIAL, SHIFTED = 0.2, 0.02  # of ln σ, and of the camera, by which a new belief differs
 OTHER_LANE = "at other likely heights of the camera it is another lane"
-CHANGES = (with_noise, shifted)
+CHANGES = (with_noise, shift_image)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +199,7 @@ class LaneOfUnknownCamera:
         if news:
             self._search_anew()
 
-    def measured(self, optics: Optics) -> None:
+    def add_optics(self, optics: Optics) -> None:
         """Adds all odometry so far to the evidence."""
         if self._evidence.add_optics(optics):
             self._search_anew()

@@ -44,7 +44,7 @@ def make_view(settings: LaneCvSettings, camera: Camera) -> ViewTables | None:
     """The view of ``camera``, at most ``working_width_px`` wide; None when the image shows no road."""
     width_px = min(camera.width_px, settings.working_width_px)
     height_px = max(1, round(camera.height_px * width_px / camera.width_px))
-    working = camera.resized(width_px, height_px)
+    working = camera.resize(width_px, height_px)
     grid = lateral_grid(
         working, reach_m=settings.reach_m, band_m=settings.band_m, max_band_px=settings.max_band_px
     )

@@ -20,7 +20,7 @@ from perception.camera.uncertainty import CameraBelief, with_camera_doubt
 from perception.lane.agreement import agreement, lane_columns
 from perception.lane.detection.evenness import unevenness
 from perception.lane.detection.marks import marks
-from perception.lane.detection.shown import shown
+from perception.lane.detection.shown import visible_share
 from perception.lane.estimate import lane_estimate
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
 from perception.lane.model.prediction import VehicleMotion
@@ -53,7 +53,7 @@ class FinderLane:
 
 
 @dataclass(frozen=True)
-class Kept:
+class RememberedFrame:
     """What is remembered of a frame."""
 
     t_s: float
@@ -76,7 +76,7 @@ class WhichLane:
         self._searched = LaneOfUnknownCamera(settings, camera, vehicle)
         self._drive = DriveOptics(camera, odometry)
         self._last: tuple[Frame, SteeringEstimate] | None = None
-        self._kept: Kept | None = None
+        self._kept: RememberedFrame | None = None
         self._traffic_log_odds = 0.0  # of left-hand traffic, learned
         self.looks: tuple[
             FinderLane, ...
@@ -94,21 +94,21 @@ class WhichLane:
         The same frame again has the same estimate, because several estimators may use one finder.
         """
         if self._last is None or self._last[0] is not frame:
-            self._last = frame, self._found(frame, state, now_s=now_s)
+            self._last = frame, self._find_lane(frame, state, now_s=now_s)
         return self._last[1]
 
-    def _found(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+    def _find_lane(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         if unusable(frame.image):
             return self._searched.step(frame, state, now_s=now_s)
         street, motion, before = self._settings.street, VehicleMotion.of(state), self.camera
         found = self._drive.step(frame.image, frame.t_s, motion.speed_mps, motion.yaw_rate_radps)
         if found is not None:
-            self._searched.measured(found)
+            self._searched.add_optics(found)
         frame = replace(frame, image=lit(frame.image, day_grey=street.day_grey, max_gain=street.max_gain))
         searched = self._searched.step(frame, state, now_s=now_s)
         if self.camera is not before:
             self._kept = None  # its pairs are in the metres of another camera
-        return self._rated(searched, self._street(frame, motion), frame)
+        return self._choose_lane(searched, self._street(frame, motion), frame)
 
     @property
     def camera(self) -> Camera:
@@ -127,16 +127,16 @@ class WhichLane:
             kept = None
         lane = street_lane(
             frame.image,
-            self.camera.resized(frame.image.shape[1], frame.image.shape[0]),
+            self.camera.resize(frame.image.shape[1], frame.image.shape[0]),
             self._settings,
             height_sigma=belief.height_sigma,
             on_left=self.on_left,
             near=kept.course if kept else None,
-            before=moved(kept, motion, frame.t_s) if kept else (),
+            before=move_pairs(kept, motion, frame.t_s) if kept else (),
         )
         self._kept = None
         if lane is not None:
-            self._kept = Kept(frame.t_s, lane.profile.course, (lane.pair, *lane.rest)[:KEPT])
+            self._kept = RememberedFrame(frame.t_s, lane.profile.course, (lane.pair, *lane.rest)[:KEPT])
             self._learn_traffic(lane)
         return lane
 
@@ -147,13 +147,15 @@ class WhichLane:
         log_odds = self._traffic_log_odds + settings.traffic_log_odds * side
         self._traffic_log_odds = min(max(log_odds, -limit), limit)
 
-    def _rated(self, searched: SteeringEstimate, lane: StreetLane | None, frame: Frame) -> SteeringEstimate:
+    def _choose_lane(
+        self, searched: SteeringEstimate, lane: StreetLane | None, frame: Frame
+    ) -> SteeringEstimate:
         """The more probable one of both lanes."""
         weights, (height, width) = self._settings.street, frame.image.shape[:2]
         if lane is None:
             self.looks = (FinderLane(searched, _of_search(searched, frame.image, 0.0, 0.0)),)
             rated = probability_of(self.looks[0].features, weights.searched)
-            return _doubted(searched, min(rated, searched.confidence))
+            return _with_confidence(searched, min(rated, searched.confidence))
         paired = self._estimate(lane, frame.t_s)
         same = agreement(lane_columns(searched, height, width), lane_columns(paired, height, width))
         uneven = unevenness(frame.image, paired.left_boundary_px, paired.right_boundary_px)
@@ -165,7 +167,7 @@ class WhichLane:
             offset_m=lane.pair.offset_m,
             agreement=same,
             searched=searched.confidence,
-            shown=shown(frame.image, paired.left_boundary_px, paired.right_boundary_px) or 0.0,
+            shown=visible_share(frame.image, paired.left_boundary_px, paired.right_boundary_px) or 0.0,
             along=marks(frame.image, paired.left_boundary_px, paired.right_boundary_px).along,
         )
         self.looks = FinderLane(searched, of_search), FinderLane(paired, of_pair)
@@ -174,7 +176,11 @@ class WhichLane:
         by_pair = probability_of(of_pair, weights.pair)
         if same >= MIN_AGREEMENT and searched.lanes_detected == 2:
             return replace(searched, confidence=max(by_search, by_pair))
-        return _doubted(searched, by_search) if by_search >= by_pair else _doubted(paired, by_pair)
+        return (
+            _with_confidence(searched, by_search)
+            if by_search >= by_pair
+            else _with_confidence(paired, by_pair)
+        )
 
     def _estimate(self, lane: StreetLane, t_s: float) -> SteeringEstimate:
         """The estimate for ``lane``; metres are those of the mean height given the pair."""
@@ -185,7 +191,7 @@ class WhichLane:
             t_s=t_s, confidence=0.0, lanes_detected=seen, reason="", marked=marked,
         )  # fmt: skip
         metres = lane_estimate(
-            scaled(lane.fit.state, pair.height), lane.camera, self._settings, self._vehicle,
+            scale_lane(lane.fit.state, pair.height), lane.camera, self._settings, self._vehicle,
             t_s=t_s, confidence=0.0, lanes_detected=seen, reason="", marked=marked,
         )  # fmt: skip
         drawn = {name: getattr(estimate, name) for name in ("left_boundary_px", "right_boundary_px")}
@@ -216,18 +222,18 @@ def _of_search(
         offset_m=searched.lateral_offset_m or 0.0,
         agreement=agreement,
         street=street,
-        shown=shown(image, searched.left_boundary_px, searched.right_boundary_px) or 0.0,
+        shown=visible_share(image, searched.left_boundary_px, searched.right_boundary_px) or 0.0,
         marks=marks(image, searched.left_boundary_px, searched.right_boundary_px),
     )
 
 
-def _doubted(estimate: SteeringEstimate, confidence: float) -> SteeringEstimate:
+def _with_confidence(estimate: SteeringEstimate, confidence: float) -> SteeringEstimate:
     """``estimate`` with its confidence, and with a reason where that is low."""
     reason = estimate.reason or (OTHER_LANE if confidence < 1 / 2 else "")
     return replace(estimate, confidence=confidence, reason=reason)
 
 
-def scaled(lane: LaneState, factor: float) -> LaneState:
+def scale_lane(lane: LaneState, factor: float) -> LaneState:
     """``lane`` of a camera ``factor`` times as high: lengths times ``factor``, curvatures over it."""
     scale = np.ones(len(lane.mean))
     scale[[E, WIDTH]] = factor
@@ -235,7 +241,7 @@ def scaled(lane: LaneState, factor: float) -> LaneState:
     return LaneState(mean=lane.mean * scale, covariance=lane.covariance * np.outer(scale, scale))
 
 
-def moved(kept: Kept, motion: VehicleMotion, t_s: float) -> tuple[Pair, ...]:
+def move_pairs(kept: RememberedFrame, motion: VehicleMotion, t_s: float) -> tuple[Pair, ...]:
     """The kept pairs at ``t_s``: a vehicle with the heading ψ moves v·sin ψ to the left."""
     aside_m = (motion.speed_mps or 0.0) * (t_s - kept.t_s) * math.sin(kept.course.heading_rad)
 

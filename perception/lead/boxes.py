@@ -161,7 +161,7 @@ class BoxDetector:
         return [
             Box(kind, some[i][0], of_kind.get(kind, usual)(some[i][1]))
             for kind, some in found.items()
-            for i in _suppressed(some, self._settings.min_score)
+            for i in _suppress_overlaps(some, self._settings.min_score)
         ]
 
     def _tiles(self) -> list[tuple[int, int, int, int]]:
@@ -241,7 +241,7 @@ def _uncut(
     return np.asarray(~(near & inner).any(axis=1))
 
 
-def _suppressed(found: list[tuple[Floats, float]], min_score: float) -> list[int]:
+def _suppress_overlaps(found: list[tuple[Floats, float]], min_score: float) -> list[int]:
     """Indices in ``found`` of the boxes that non-maximum suppression keeps."""
     if not found:
         return []

@@ -35,7 +35,7 @@ class Detection(NamedTuple):
     kind: str = "vehicle"
     ahead_sigma_m: float | None = None  # deviation of ahead_m; None: that of the settings of the tracker
 
-    def scaled(self, factor: float) -> "Detection":
+    def scale(self, factor: float) -> "Detection":
         """The detection in a world that is ``factor`` times larger."""
         return self._replace(
             ahead_m=self.ahead_m * factor,

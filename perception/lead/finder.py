@@ -13,13 +13,13 @@ from perception.lead.boxes import BoxDetector, BoxSettings
 from perception.lead.detection import Detection, Detector, NotFinite, StripDetector
 from perception.lead.kinds import PERSON, ROAD_USER_KINDS, VEHICLE, detected_kinds
 from perception.lead.picture import Pictures, PictureSettings
-from perception.lead.published import PUBLISHED, fetched
+from perception.lead.published import PUBLISHED, fetched_detector
 from perception.lead.runtimes import check_present
 from perception.lead.tracker import Track, Tracker, TrackSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
-from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read, resource
+from trepid.config import CONFIG_DIR, InputError, Settings, fault_line, load, read, resource
 from trepid.messages import Frame, LeadVehicle, RoadUsers, SteeringEstimate, VehicleState
 from trepid.processes.settings import ProcessSpec
 from trepid.scale import ReferenceWorld, scaled_settings
@@ -87,7 +87,7 @@ def check_lead(specs: Iterable[ProcessSpec]) -> None:
             "the embedded detector is trained on drawn vehicles, and the camera is real: name a detector that"
             " `trepid detector list` prints, or leave the process out by `lead: null` in processes.yaml"
         )
-        raise InputError(located(("detector",), what, read(file), file))
+        raise InputError(fault_line(("detector",), what, read(file), file))
 
 
 def blindness(specs: Iterable[ProcessSpec]) -> str:
@@ -100,7 +100,7 @@ def blindness(specs: Iterable[ProcessSpec]) -> str:
     if any(spec.module != NODE for spec in publishing):
         return ""
     try:
-        able = detected_by(lead_settings())
+        able = kinds_of_detector(lead_settings())
     except InputError:
         if publishing:
             raise
@@ -112,7 +112,7 @@ def blindness(specs: Iterable[ProcessSpec]) -> str:
     return f"the car is blind to {', '.join(unseen)}: {remedy}" if unseen else ""
 
 
-def detected_by(settings: LeadSettings) -> tuple[str, ...]:
+def kinds_of_detector(settings: LeadSettings) -> tuple[str, ...]:
     """The kinds of road users besides vehicles that the detector in ``settings`` finds.
 
     Raises InputError for one that is not on this machine.
@@ -164,39 +164,39 @@ class LeadFinder:
         ``state`` gives the ego motion; without it a vehicle has a place but no speed. The most confident of
         ``lanes``, the newest estimates, defines the corridor; without one, the arc that the ego vehicle drives.
         """
-        state = self._reference.enlarged("state", state)
-        lanes = [self._reference.enlarged(f"lane {number}", lane) for number, lane in enumerate(lanes)]
+        state = self._reference.enlarge("state", state)
+        lanes = [self._reference.enlarge(f"lane {number}", lane) for number, lane in enumerate(lanes)]
         gap_s = math.inf if self._t_s is None else frame.t_s - self._t_s
         if not 0 <= gap_s <= MAX_STEP_S:
             self._restart()
             gap_s = 0.0
         self._t_s = frame.t_s
         if unusable(frame.image):
-            return self._unknown(frame.t_s)
+            return self._unknown_lead(frame.t_s)
         image = as_bgr(frame.image)
         if image.shape[1::-1] != self._size:
             image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
         try:
             self.detections = self._detect(image)
         except NotFinite:
-            return self._unknown(frame.t_s)
+            return self._unknown_lead(frame.t_s)
         motion = _motion(state)
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
         own = dict(speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
         vehicles = [one for one in self.detections if one.kind == VEHICLE]
         odometry = self._tracker.odometry
         own_mps = speed_mps if motion else math.nan
-        self._tracker.step(self._pictures.confirmed(vehicles, image, odometry, own_mps), **own)
+        self._tracker.step(self._pictures.confirm(vehicles, image, odometry, own_mps), **own)
         self._people.step([one for one in self.detections if one.kind != VEHICLE], **own)
-        self.road_users = self._reference.restored(self._users(frame.t_s, moves=motion is not None))
+        self.road_users = self._reference.restore(self._users(frame.t_s, moves=motion is not None))
         lane = usable_lane(self._settings.choice, lanes, t_s=frame.t_s)
         arc_1pm = self._arc_1pm(state, motion)
         self._ahead = self._choose(Corridor(self._settings.choice, lane, arc_1pm, motion, t_s=frame.t_s))
         pace = dict(speed_mps=own_mps, dt_s=gap_s, t_s=frame.t_s)
         self._pictures.step(self._ahead, vehicles, image, odometry, **pace)
-        return self._reference.restored(self._message(frame.t_s, self._ahead, moves=motion is not None))
+        return self._reference.restore(self._message(frame.t_s, self._ahead, moves=motion is not None))
 
-    def _unknown(self, t_s: float) -> LeadVehicle:
+    def _unknown_lead(self, t_s: float) -> LeadVehicle:
         """The message of an image that cannot be processed; all tracks end."""
         self._restart()
         return LeadVehicle(t_s=t_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=math.nan)
@@ -346,7 +346,7 @@ def box_detector(settings: LeadSettings, camera: Camera) -> BoxDetector:
 def _boxes(detector: Path, settings: LeadSettings) -> tuple[Path, BoxSettings]:
     """The file of a detector of boxes, and how its output is read. Raises InputError without such a file."""
     if published := PUBLISHED.get(str(detector)):
-        return fetched(str(detector)), published.layout
+        return fetched_detector(str(detector)), published.layout
     path = resource(detector)
     check_present(path)
     return path, settings.boxes

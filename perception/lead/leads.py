@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import cv2
 
-from perception.images.annotate import HIGH, PANEL, enlarged, label
+from perception.images.annotate import HIGH, PANEL, enlarge, label
 from perception.images.frames import (
     CameraFor,
     FrameResult,
@@ -68,15 +68,15 @@ def _step(settings: LeadSettings, source: Source, camera: Camera) -> Step[Leads]
 def leads_in(finder: LeadFinder, scale: float, frame: Frame) -> Leads:
     """What ``finder`` finds in ``frame`` on a car of this scale; without odometry it measures no speeds."""
     lead = finder.step(frame, None, [], now_s=frame.t_s)
-    return Leads(lead, [detection.scaled(scale) for detection in finder.detections])
+    return Leads(lead, [detection.scale(scale) for detection in finder.detections])
 
 
-def drawn(one: FrameResult[Leads]) -> Image:
+def draw_leads(one: FrameResult[Leads]) -> Image:
     """The frame with a box around each vehicle, its distance and confidence; the leader is green.
 
     The text of the leader stands above its box, that of others below, so that texts of neighbours do not overlap.
     """
-    canvas, scale = enlarged(one.image)
+    canvas, scale = enlarge(one.image)
     unit = canvas.shape[1] / 640
     labels: list[tuple[str, tuple[int, int]]] = []
     for detection in sorted(one.result.detections, key=lambda d: -d.ahead_m):
@@ -142,4 +142,4 @@ def _cells(one: FrameResult[Leads]) -> list[str]:
     ]
 
 
-LEADS = Sheet(as_row=as_row, columns=COLUMNS, left={"file"}, cells=_cells, draw=drawn)
+LEADS = Sheet(as_row=as_row, columns=COLUMNS, left={"file"}, cells=_cells, draw=draw_leads)

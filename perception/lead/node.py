@@ -58,7 +58,7 @@ class LeadNode:
         self._journal.note(began_s)
         if came:
             self._times.note(frame.t_s, came[-1], began_s=began_s)
-        me.stepped()
+        me.count_step()
 
 
 @contextmanager

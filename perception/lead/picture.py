@@ -100,7 +100,7 @@ class Pictures:
         """Upper bound of the speed of the leader along the road [m/s]; inf where its growth is not known."""
         return float(np.median(self._bounds_mps)) if len(self._bounds_mps) == BOUNDS else math.inf
 
-    def confirmed(
+    def confirm(
         self, detections: Sequence[Detection], image: Image, odometry: Odometry, speed_mps: float
     ) -> list[Detection]:
         """``detections`` with the near leader that is still there, in falling order of confidence.
@@ -205,7 +205,7 @@ class _View(NamedTuple):
 
     def profile(self) -> Profile:
         """The profile at this distance."""
-        return self._sampled(np.ones(1), np.zeros(1), self.per_m)[0, 0]
+        return self._sample_profiles(np.ones(1), np.zeros(1), self.per_m)[0, 0]
 
     def stretch(self, profile: Profile, per_m: float, stretches: Floats) -> tuple[float, float]:
         """The logarithm of the stretch of ``profile`` that fits best, and the correlation.
@@ -213,7 +213,7 @@ class _View(NamedTuple):
         ``profile`` was taken with ``per_m`` pixels a metre. The logarithm is that of the vertex of the parabola
         through the best of ``stretches``, a geometric series, and its neighbours.
         """
-        sampled = self._sampled(stretches, SHIFTS_M, per_m)
+        sampled = self._sample_profiles(stretches, SHIFTS_M, per_m)
         size = np.sqrt((profile**2).sum() * (sampled**2).sum(axis=(2, 3)))
         match = ((sampled * profile).sum(axis=(2, 3)) / np.maximum(size, 1e-9)).max(axis=1)
         best = int(match.argmax())
@@ -225,7 +225,7 @@ class _View(NamedTuple):
                 log += math.log(stretches[1] / stretches[0]) * (below - above) / (2.0 * bend)
         return log, float(match[best])
 
-    def _sampled(self, stretches: Floats, shifts_m: Floats, per_m: float) -> NDArray[np.float64]:
+    def _sample_profiles(self, stretches: Floats, shifts_m: Floats, per_m: float) -> NDArray[np.float64]:
         """Stretched and shifted profiles, (stretches, shifts, 3, SAMPLES)."""
         samples_m = np.linspace(-HALF_M, HALF_M, SAMPLES)
         at_m = samples_m * stretches[:, None, None] + shifts_m[:, None]

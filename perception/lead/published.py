@@ -17,7 +17,7 @@ from perception.net.published_files import data_file, download, store
 from trepid.config import InputError
 
 
-class Published(NamedTuple):
+class PublishedDetector(NamedTuple):
     """A detector within a package."""
 
     package: str  # and its version
@@ -33,7 +33,7 @@ class Published(NamedTuple):
 REGISTRY = "https://registry.npmjs.org"
 REGISTRY_VARIABLE = "npm_config_registry"  # as for npm
 PUBLISHED = {
-    "objectron": Published(
+    "objectron": PublishedDetector(
         package="@mediapipe/objectron 0.4.1675468480 (npm)",
         url="@mediapipe/objectron/-/objectron-0.4.1675468480.tgz",
         licence="Apache-2.0",
@@ -67,7 +67,7 @@ def file_of(name: str) -> Path:
     return data_file("detectors", f"{name}.tflite")
 
 
-def fetched(name: str) -> Path:
+def fetched_detector(name: str) -> Path:
     """The file of the detector ``name``. Raises InputError where it was not fetched, or is another file."""
     path = file_of(name)
     if not path.is_file():
@@ -82,14 +82,14 @@ def fetch(name: str) -> Path:
     published, path = PUBLISHED[name], file_of(name)
     address = f"{os.environ.get(REGISTRY_VARIABLE, REGISTRY).rstrip('/')}/{published.url}"
     packed = download(address)
-    content = _unpacked(packed, published, address)
+    content = _unpack(packed, published, address)
     if hashlib.sha256(content).hexdigest() != published.sha256:
         raise InputError(f"{address}: the SHA-256 of its detector is not that of {name}")
     store(path, content)
     return path
 
 
-def _unpacked(packed: bytes, published: Published, address: str) -> bytes:
+def _unpack(packed: bytes, published: PublishedDetector, address: str) -> bytes:
     try:
         with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
             member = archive.extractfile(published.member)

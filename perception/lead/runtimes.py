@@ -93,7 +93,7 @@ def _names(text: str) -> tuple[str, ...] | None:
 
 def _input(path: Path, shape: list[Any], kind: type[np.generic]) -> Input:
     """The picture of ``shape``, a name or -1 where any size fits. Raises InputError."""
-    found = f"takes {_shown(shape)}"
+    found = f"takes {_shape_text(shape)}"
     if len(shape) != 4 or COLOURS not in (shape[1], shape[3]):
         fits = "expected one picture, (1, 3, height, width) or (1, height, width, 3)"
         raise InputError(f"{path}: {found}, {fits}")
@@ -106,7 +106,7 @@ def _input(path: Path, shape: list[Any], kind: type[np.generic]) -> Input:
     return Input(width, height, channels_first, kind)
 
 
-def _shown(shape: list[Any]) -> str:
+def _shape_text(shape: list[Any]) -> str:
     return f"({', '.join('?' if side is None else str(side) for side in shape)})"
 
 

@@ -75,7 +75,7 @@ def _ssd(outputs: Outputs, classes: Sequence[int], size: tuple[int, int]) -> Rea
     fits = sorted(shape[-1] == BOX for shape in shapes) == [False, True]
     if not fits or any(shape[:-1] != (1, anchors) for shape in shapes):
         raise Misfit(
-            f"its outputs are {_listed(shapes)}; the layout ssd has raw boxes (1, {anchors}, 4) and logits"
+            f"its outputs are {_shapes_text(shapes)}; the layout ssd has raw boxes (1, {anchors}, 4) and logits"
             f" (1, {anchors}, classes) for a picture {size[0]} px wide, without post-processing"
         )
     count = next(shape[-1] for shape in shapes if shape[-1] != BOX)
@@ -89,7 +89,7 @@ def _yolo(
     tables = [output for output in outputs if output.ndim <= 3]
     if len(tables) != 1 or tables[0].ndim < 2 or (tables[0].ndim == 3 and tables[0].shape[0] != 1):
         raise Misfit(
-            f"its outputs are {_listed([o.shape for o in outputs])}, expected one table (1, n, columns)"
+            f"its outputs are {_shapes_text([o.shape for o in outputs])}, expected one table (1, n, columns)"
         )
     place = next(number for number, output in enumerate(outputs) if output is tables[0])
     rows, columns = tables[0].shape[-2:]
@@ -139,14 +139,14 @@ def _grid_sizes(size: tuple[int, int]) -> frozenset[int]:
 def _no_single_form(shape: tuple[int, ...], class_count: int | None, *, two: bool) -> str:
     if class_count is None:
         return (
-            f"its table {_listed([shape])} says not how many classes it has, and neither does the file: state"
+            f"its table {_shapes_text([shape])} says not how many classes it has, and neither does the file: state"
             " boxes: class_count in lead.yaml"
         )
     if two:
-        return f"its table {_listed([shape])} can be read in two ways with {class_count} classes"
+        return f"its table {_shapes_text([shape])} can be read in two ways with {class_count} classes"
     return (
-        f"its table {_listed([shape])} does not fit {class_count} classes: expected {BOX + class_count} columns,"
-        f" {BOX_AND_OBJECT + class_count} with objectness, or (n, {END_TO_END}) from left to class"
+        f"its table {_shapes_text([shape])} does not fit {class_count} classes: expected {BOX + class_count}"
+        f" columns, {BOX_AND_OBJECT + class_count} with objectness, or (n, {END_TO_END}) from left to class"
     )
 
 
@@ -162,7 +162,7 @@ def _in_shares(table: Floats, turned: bool, form: int) -> bool:
     return 0.0 < most <= SHARES_MOST
 
 
-def _listed(shapes: Sequence[tuple[int, ...]]) -> str:
+def _shapes_text(shapes: Sequence[tuple[int, ...]]) -> str:
     return " and ".join(f"({', '.join(map(str, shape))})" for shape in shapes)
 
 
@@ -204,26 +204,26 @@ def ssd_anchors(size_px: int) -> Floats:
 
 def _plain(table: Floats, classes: Sequence[int], scale: Floats) -> Boxes:
     """Rows of centre, width, height, then a score a class."""
-    return _centred(table, scale), table[:, [BOX + number for number in classes]]
+    return _boxes_of_centres(table, scale), table[:, [BOX + number for number in classes]]
 
 
 def _with_object(table: Floats, classes: Sequence[int], scale: Floats) -> Boxes:
     """Rows of centre, width, height, P(an object), then P(class | an object)."""
     scores = table[:, BOX : BOX + 1] * table[:, [BOX_AND_OBJECT + number for number in classes]]
-    return _centred(table, scale), scores
+    return _boxes_of_centres(table, scale), scores
 
 
-def _finished(table: Floats, classes: Sequence[int], scale: Floats) -> Boxes:
+def _finish_boxes(table: Floats, classes: Sequence[int], scale: Floats) -> Boxes:
     """Rows of left, top, right, bottom, score and class."""
     corners = table[:, :BOX] / np.tile(scale, 2)
     of_class = np.rint(table[:, 5:6]) == np.array(classes, np.float32)
     return corners.astype(np.float32), np.where(of_class, table[:, 4:5], 0).astype(np.float32)
 
 
-def _centred(table: Floats, scale: Floats) -> Floats:
+def _boxes_of_centres(table: Floats, scale: Floats) -> Floats:
     centre, half = table[:, :2], table[:, 2:4] / 2
     corners = np.column_stack([centre - half, centre + half]) / np.tile(scale, 2)
     return corners.astype(np.float32)
 
 
-_DECODERS = {BOX: _plain, BOX_AND_OBJECT: _with_object, END_TO_END: _finished}
+_DECODERS = {BOX: _plain, BOX_AND_OBJECT: _with_object, END_TO_END: _finish_boxes}

@@ -175,7 +175,7 @@ class Tracker:
             track.predict(dt_s)
         free = list(self.tracks)
         for detection in detections:
-            at, noise = self._measured(detection)
+            at, noise = self._measurement(detection)
             surprises = [track.surprise(at, noise) for track in free]
             nearest = int(np.argmin(surprises)) if free else None
             if nearest is not None and surprises[nearest] <= self._settings.gate_sigmas:
@@ -196,7 +196,7 @@ class Tracker:
         track.log_odds = math.log(detection.confidence / (1 - detection.confidence))
         self.tracks.append(track)
 
-    def _measured(self, detection: Detection) -> tuple[Vector, Vector]:
+    def _measurement(self, detection: Detection) -> tuple[Vector, Vector]:
         """Place and covariance of a detection in the odometry frame."""
         s = self._settings
         ahead_m = max(detection.ahead_m - self._eye_m, 0.1)

@@ -34,7 +34,7 @@ def row_of_lane(lane: Lane, width_m: float, lookahead_m: float) -> Floats:
     return np.array([lane.offset_m, lane.heading_rad, *ends_1pm, width_m], np.float32)
 
 
-def scaled(lane: Lane, scale: float) -> Lane:
+def scale_lane(lane: Lane, scale: float) -> Lane:
     """The lane in a world that is ``scale`` times larger."""
     offset_m, heading_rad, curvature_1pm, rate_1pm2, lookahead_m = lane
     return Lane(
@@ -42,10 +42,10 @@ def scaled(lane: Lane, scale: float) -> Lane:
     )
 
 
-def cropped(camera: Camera, *, top_px: int, bottom_px: int, width_px: int, height_px: int) -> Camera:
+def crop_camera(camera: Camera, *, top_px: int, bottom_px: int, width_px: int, height_px: int) -> Camera:
     """The camera of rows ``top_px`` to ``bottom_px`` only, resized to ``width_px`` x ``height_px``."""
     strip = camera.model_copy(update=dict(height_px=bottom_px - top_px, cy_px=camera.cy_px - top_px))
-    return strip.resized(width_px, height_px)
+    return strip.resize(width_px, height_px)
 
 
 class CanonicalView:
@@ -54,11 +54,11 @@ class CanonicalView:
     def __init__(self, camera: Camera, canonical: Camera) -> None:
         self.camera = camera
         self.canonical = canonical
-        fine = canonical.resized(SUPERSAMPLE * canonical.width_px, SUPERSAMPLE * canonical.height_px)
+        fine = canonical.resize(SUPERSAMPLE * canonical.width_px, SUPERSAMPLE * canonical.height_px)
         shrink = max(1, int(camera.fx_px / fine.fx_px))
         self._size = (camera.width_px // shrink, camera.height_px // shrink)
         self._shrink = shrink
-        source = camera.resized(*self._size)
+        source = camera.resize(*self._size)
         self._map, self._fractions = cv2.initUndistortRectifyMap(
             source.intrinsics,
             camera.lens,
@@ -81,12 +81,12 @@ class CanonicalView:
 
         In the true world the canonical axle lies s·x_c behind the camera, on the camera's own line.
         """
-        return scaled(canonical_lane, self.scale).seen_from(*self._axle_m)
+        return scale_lane(canonical_lane, self.scale).in_frame_at(*self._axle_m)
 
     def canonical_lane(self, lane: Lane) -> Lane:
         """The inverse of :meth:`lane`."""
         ahead_m, left_m = self._axle_m
-        return scaled(lane.seen_from(-ahead_m, -left_m), 1 / self.scale)
+        return scale_lane(lane.in_frame_at(-ahead_m, -left_m), 1 / self.scale)
 
     @property
     def _axle_m(self) -> tuple[float, float]:

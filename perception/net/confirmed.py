@@ -15,7 +15,7 @@ while driving is that of the network too.
 from dataclasses import replace
 
 from perception.camera.uncertainty import with_camera_doubt
-from perception.images.outline import outlined
+from perception.images.outline import with_boundaries
 from perception.lane.agreement import apart
 from perception.lane.which_lane import WhichLane
 from perception.net.steer_net import SteerNet
@@ -43,14 +43,14 @@ class ConfirmedNet:
         found = self._network.step(frame, state, now_s=now_s)
         if found.lateral_offset_m is None:
             return found
-        found = outlined(found, self._camera, self._vehicle)
+        found = with_boundaries(found, self._camera, self._vehicle)
         share = apart(found, seen, frame.image.shape[0])
-        confidence = found.confidence * seen.confidence * agreed(share)
+        confidence = found.confidence * seen.confidence * agreement_degree(share)
         reason = UNCONFIRMED if confidence < found.confidence / 2 else ""
         found = replace(found, confidence=confidence, reason=reason)
         return with_camera_doubt(found, self._witness.belief)
 
 
-def agreed(share: float | None) -> float:
+def agreement_degree(share: float | None) -> float:
     """1 up to ``CONFIRMED``, 0 from ``DENIED`` on and without a lane, linear between."""
     return 0.0 if share is None else min(max((DENIED - share) / (DENIED - CONFIRMED), 0.0), 1.0)

@@ -96,9 +96,9 @@ class DriverNetwork:
             steering = self(grey, self.initial_state)
             steering = self(grey, steering.state)  # also with the state of the first one
         except RUN_FAILURES as error:
-            raise self._refused(f"fails on a grey image: {line_of(error)}") from error
+            raise self._refusal(f"fails on a grey image: {line_of(error)}") from error
         if not steering.finite:
-            raise self._refused("its outputs for a grey image are not finite, or sigma_rad is not positive")
+            raise self._refusal("its outputs for a grey image are not finite, or sigma_rad is not positive")
 
     def __call__(self, image: Image, state: Numbers | None) -> NetworkOutput:
         """The outputs for an image of any size, (h, w, 3) uint8 BGR, after the frames behind ``state``."""
@@ -117,30 +117,30 @@ class DriverNetwork:
         outputs = {put.name for put in self._session.get_outputs()}
         for name in _OUTPUTS:
             if name not in outputs:
-                raise self._refused(f"has no output {name!r}")
+                raise self._refusal(f"has no output {name!r}")
         size, image = (self.record.height, self.record.width, 3), inputs.pop("image", None)
         if image is None:
-            raise self._refused("has no input 'image'")
+            raise self._refusal("has no input 'image'")
         if image.type != "tensor(uint8)" or tuple(image.shape[1:]) != size:
-            raise self._refused(
+            raise self._refusal(
                 f"its input 'image' is {image.type} {image.shape}, expected tensor(uint8) [N, {size}]"
             )
         state = inputs.pop("state", None)
         if inputs:
-            raise self._refused(
+            raise self._refusal(
                 f"has an unknown input {min(inputs)!r}; a driving network has image and state"
             )
         if (state is None) != ("next_state" not in outputs):
-            raise self._refused("has one of the input 'state' and the output 'next_state', expected both")
+            raise self._refusal("has one of the input 'state' and the output 'next_state', expected both")
         if state is None:
             return None
         if state.type != "tensor(float)" or not all(isinstance(size, int) for size in state.shape[1:]):
-            raise self._refused(
+            raise self._refusal(
                 f"its input 'state' is {state.type} {state.shape}, expected tensor(float) [N, …]"
             )
         return np.zeros((1, *state.shape[1:]), np.float32)
 
-    def _refused(self, fault: str) -> InputError:
+    def _refusal(self, fault: str) -> InputError:
         return InputError(f"{self.path}: no driving network: {fault}")
 
 

@@ -46,7 +46,7 @@ class SteerNetSettings(Settings):
         )
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_order(self) -> Self:
         if not all(one < other for one, other in pairwise(self.lane_width_m)):
             raise ValueError("lane_width_m: expected four increasing widths")
         return self
@@ -192,7 +192,7 @@ class SteerNet:
         confidence, reason = self._confidence(found, sigma_1pm, width_m)
         if reason:
             return self._nothing(frame, reason)
-        seen = self._seen(frame, self._view.lane(lane), confidence, sigma_1pm / self._view.scale)
+        seen = self._lane_estimate(frame, self._view.lane(lane), confidence, sigma_1pm / self._view.scale)
         return replace(seen, lane_width_m=width_m)
 
     def _confidence(self, found: Outputs, sigma_1pm: float, width_m: float) -> tuple[float, str]:
@@ -216,7 +216,7 @@ class SteerNet:
         sigma_rad = self._vehicle.wheelbase_m * command_sigma_1pm / self._view.scale
         return self._record.calibration.probability(sigma_rad)
 
-    def _seen(
+    def _lane_estimate(
         self, frame: Frame, lane: Lane, confidence: float, command_sigma_1pm: float
     ) -> SteeringEstimate:
         ahead_m = self._steering.lookahead_m

@@ -14,8 +14,8 @@ from perception.lane.rating import Features
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import as_bgr, unusable
 from perception.segments.network import Segmenter
-from perception.segments.picture import drawn
-from perception.segments.settings import SegmentSettings, described, network_file, segment_settings
+from perception.segments.picture import draw_masks
+from perception.segments.settings import SegmentSettings, network_description, network_file, segment_settings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
@@ -50,14 +50,14 @@ class Segments:
         masks = self._segmenter(image)
         if not masks.finite:
             return self._nothing(frame, "the network's output is not finite")
-        picture = drawn(masks)
+        picture = draw_masks(masks)
         found = self._finder.step(replace(frame, image=picture), state, now_s=now_s)
         scale = image.shape[1] / picture.shape[1]
         return replace(
             found,
             estimator=NAME,
-            left_boundary_px=_enlarged(found.left_boundary_px, scale),
-            right_boundary_px=_enlarged(found.right_boundary_px, scale),
+            left_boundary_px=_enlarge_path(found.left_boundary_px, scale),
+            right_boundary_px=_enlarge_path(found.right_boundary_px, scale),
         )
 
     def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
@@ -66,14 +66,14 @@ class Segments:
         )
 
 
-def _enlarged(path: PixelPath, scale: float) -> PixelPath:
+def _enlarge_path(path: PixelPath, scale: float) -> PixelPath:
     """Places in the picture as places in the image, ``scale`` times as wide."""
     return tuple(((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5) for x, y in path)
 
 
 def segmenter_of(settings: SegmentSettings) -> Segmenter:
     """The network that ``settings`` choose. Raises InputError."""
-    return Segmenter(network_file(settings), described(settings.network))
+    return Segmenter(network_file(settings), network_description(settings.network))
 
 
 def build(camera: Camera, vehicle: Vehicle, lane_cv: LaneCvSettings) -> Segments:

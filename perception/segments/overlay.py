@@ -5,7 +5,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from perception.images.annotate import annotated
+from perception.images.annotate import annotate
 from perception.images.frames import FrameResult
 from perception.lane.view import as_bgr
 from perception.segments.estimator import segmenter_of
@@ -33,6 +33,6 @@ def masks_and_lane() -> Callable[[FrameResult[SteeringEstimate]], Image]:
 
     def draw(one: FrameResult[SteeringEstimate]) -> Image:
         image = as_bgr(one.image)
-        return annotated(with_masks(image, segmenter(image)), one.result)
+        return annotate(with_masks(image, segmenter(image)), one.result)
 
     return draw

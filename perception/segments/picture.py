@@ -17,7 +17,7 @@ SMOOTH_PX = 5  # along a row, before its crests are taken
 LEAST = 0.2  # probability of a crest
 
 
-def drawn(masks: Masks) -> Image:
+def draw_masks(masks: Masks) -> Image:
     """The picture of ``masks``, (h, w, 3) uint8 BGR."""
     lines, area = masks.lines, masks.area
     shape = (lines if lines is not None else area).shape  # type: ignore[union-attr]
@@ -27,9 +27,9 @@ def drawn(masks: Masks) -> Image:
         road = area
     else:
         road = np.maximum(area, lines)  # a line lies on the road
-    picture = _mixed(AREA, REST, road)
+    picture = _mix_colours(AREA, REST, road)
     if lines is not None:
-        picture = _mixed(LINE, picture, crests(lines))
+        picture = _mix_colours(LINE, picture, crests(lines))
     return picture.astype(np.uint8)
 
 
@@ -43,7 +43,7 @@ def crests(lines: Floats) -> Floats:
     return np.asarray(cv2.dilate(found, np.ones((1, 2), np.uint8)), np.float32)
 
 
-def _mixed(one: Floats, other: Floats, share: Floats) -> Floats:
+def _mix_colours(one: Floats, other: Floats, share: Floats) -> Floats:
     """``share`` of the colour ``one``, the rest of ``other``."""
     weight = cv2.merge([share] * 3)  # three equal planes multiply faster than one that is spread
     mixed = weight * (one - other)

@@ -27,7 +27,7 @@ def segment_settings() -> SegmentSettings:
     return load(CONFIG_DIR / "segments.yaml", SegmentSettings)
 
 
-def described(name: str) -> SegmentNetwork:
+def network_description(name: str) -> SegmentNetwork:
     """The description of the network ``name``. Raises InputError, with the nearest name for an unknown one."""
     known = default_names(FOLDER)
     if name not in known:

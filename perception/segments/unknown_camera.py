@@ -1,7 +1,7 @@
 """The lane in pictures of masks from a camera without a camera file."""
 
 from perception.camera.odometry import StateOdometry
-from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
 from perception.lane.settings import LaneCvSettings
 from perception.lane.which_lane import WhichLane
 from perception.segments.estimator import Segments, segmenter_of
@@ -34,7 +34,7 @@ class LaneOfPictures:
         """The finder for the camera of all pictures so far."""
         if self._finder is None or len(self._pictures) < CALIBRATION_FRAMES:
             self._pictures.append(picture)
-            camera = self_calibrated(self._pictures, self._settings.self_calibration)
+            camera = calibrate_by_images(self._pictures, self._settings.self_calibration)
             if self._finder is None or _differs(camera, self.camera):
                 self.camera = camera
                 self._finder = WhichLane(self._settings, camera, self._vehicle, StateOdometry.NONE)

@@ -81,7 +81,7 @@ class AirFit:
             return None
         settings = self._settings
         top = max(float(near.mean()), sky.level if sky else 0.0, DARKEST)
-        bound = max(self._bound_by_ground(ground, top), self._bound_by_sky(light, path, top))
+        bound = max(self._ground_bound_m(ground, top), self._sky_bound_m(light, path, top))
         if bound >= self._reach_m:
             return Range(min(bound, settings.most_m), settings.corridor_sigma)
         if sky is not None and sky.level < DIM_SKY * _quantile(near, LOWEST):
@@ -142,14 +142,14 @@ class AirFit:
         whole = light[: math.floor(camera.horizon_row_px) : 4, ::4]
         return Sky(float(np.median(part)), float(part.std()), _quantile(whole, HIGHEST))
 
-    def _bound_by_ground(self, ground: Ground, top: float) -> float:
+    def _ground_bound_m(self, ground: Ground, top: float) -> float:
         """Least range [m] that the contrasts across the strip allow."""
         light, noise = ground.light, SIGMAS * self._settings.noise * top
         highest = np.where(ground.seen, light, -np.inf).max(axis=1)
         lowest = np.where(ground.seen, light, np.inf).min(axis=1)
         return float(_least_range(ground.distance_m, (highest - lowest - noise) / top).max())
 
-    def _bound_by_sky(self, light: Floats, path: Path, top: float) -> float:
+    def _sky_bound_m(self, light: Floats, path: Path, top: float) -> float:
         """Least range [m] that the contrasts above the horizon, within the sides of the lane, allow."""
         settings, camera = self._settings, self._camera
         contrasts = np.zeros(len(settings.corridor_m))

@@ -151,7 +151,7 @@ class HiddenRoad:
         found = np.flatnonzero(is_other)
         if len(found) == 0 or is_other[: found[-1] + 1].mean() < WHOLE:
             return None
-        base_row = first + int(found[-1]) - 0.5 + _covered(rows[: found[-1] + 1], look.mean)
+        base_row = first + int(found[-1]) - 0.5 + _covered_share(rows[: found[-1] + 1], look.mean)
         return base_row if self._distance_m(base_row) <= self._settings.far_m else None
 
     def _ahead(self, path: Path, left: Edge, right: Edge, row_px: float) -> slice:
@@ -293,7 +293,7 @@ def _base_step_grey(columns: Image, base_row_px: float) -> float:
     return float(np.abs(above - below).max())
 
 
-def _covered(rows: Image, road: Array) -> float:
+def _covered_share(rows: Image, road: Array) -> float:
     """Share of the last of ``rows`` (n, columns, 3) that the thing covers which fills the row above it."""
     last = rows[-1].mean(axis=0) - road
     thing = rows[max(len(rows) - 2, 0)].mean(axis=0) - road

@@ -38,7 +38,7 @@ class ImageJudge:
         frame are published before its estimate; None: the ground straight ahead counts.
         """
         statistics = self._statistician.step(frame, now_s=now_s)
-        enlarged = self._reference.enlarged
+        enlarged = self._reference.enlarge
         sight = self._observer.step(frame, enlarged("lane", lane), enlarged("state", state))
         if sight is None:
             return statistics

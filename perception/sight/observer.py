@@ -85,9 +85,9 @@ class SightObserver:
         ``estimate``: the lane, of this frame or of the one before; without one the ground straight ahead counts.
         ``state``: its speed separates a crest from paint on the ground; without a speed no crest is found.
         """
-        return self._memory.step(self._seen(frame, estimate, state), frame.t_s)
+        return self._memory.step(self._measure_sight(frame, estimate, state), frame.t_s)
 
-    def _seen(
+    def _measure_sight(
         self, frame: Frame, estimate: SteeringEstimate | None, state: VehicleState | None
     ) -> Sight | None:
         image, settings = frame.image, self._settings
@@ -113,7 +113,7 @@ class SightObserver:
             return None
         lit = lighting(view.ground, sky)
         lens_m, sure = eye.camera.x_m, estimate is not None and estimate.confidence >= SURE
-        hidden = self._hidden(view, frame.t_s) if sure else None
+        hidden = self._hiding_end(view, frame.t_s) if sure else None
         beside_m = _beside_m(eye.camera, path, settings.strip.near_m) if sure else math.inf
         beside_m = self._longest_beside_m(beside_m, frame.t_s)
         ends = (
@@ -156,7 +156,7 @@ class SightObserver:
         crest_m = self._crest.step(end_m, None if state is None else state.speed_mps, t_s)
         return math.inf if crest_m is None else crest_m
 
-    def _hidden(self, view: _View, t_s: float) -> End | None:
+    def _hiding_end(self, view: _View, t_s: float) -> End | None:
         """The end of the sight before or behind what hides the lane; None without one."""
         return (
             None if self._watch is None else self._watch.step(view.eye.hidden.end(view.image, view.path), t_s)
@@ -194,14 +194,14 @@ class SightObserver:
         """The tables for images like ``image``; None where they are not of this camera, or show no ground."""
         size = image.shape[:2]
         if size not in self._eyes:
-            self._eyes[size] = self._made_for(*size)
+            self._eyes[size] = self._make_eye(*size)
         return self._eyes[size]
 
-    def _made_for(self, height_px: int, width_px: int) -> _Eye | None:
+    def _make_eye(self, height_px: int, width_px: int) -> _Eye | None:
         camera = self._camera
         if height_px != max(1, round(camera.height_px * width_px / camera.width_px)):
             return None
-        camera = camera.resized(width_px, height_px)
+        camera = camera.resize(width_px, height_px)
         strip = GroundStrip(camera, self._settings.strip)
         if not strip.is_usable:
             return None

@@ -26,7 +26,7 @@ from perception.techniques.image.picture import (
     MeasuredLane,
     Region,
     camera_view,
-    moved,
+    move_boundaries,
 )
 from perception.techniques.recipe import PipelineRecipe, Stage
 from perception.techniques.steering.lane import pursuit
@@ -45,7 +45,7 @@ MURKY, CLEAR = 0.45, 0.85  # shares of the features on the boundaries; white noi
 
 def lane_score(boundaries: Boundaries, measured: MeasuredLane, recipe: PipelineRecipe) -> float:
     """0..1: support × small residual × plausible width × a lane that contains the vehicle, now and ahead."""
-    sides = [side for side, _ in boundaries.found]
+    sides = [side for side, _ in boundaries.signed_sides]
     support = math.prod(side.support for side in sides) ** (1 / len(sides))
     residual = max(side.residual_m for side in sides)
     fits = 1 / (1 + (residual / RESIDUAL_M) ** 2)
@@ -64,7 +64,7 @@ def clarity(evidence: Evidence, boundaries: Boundaries) -> float:
     With the shares of line features up to ``CLEAR_TO_M`` ahead that lie on the boundaries, a, and between them or
     on the lane side of a single one, b: a/(a + b), scaled from ``MURKY`` (0) to ``CLEAR`` (1). 1 for regions.
     """
-    if evidence.features.kind is not FeatureKind.LINE or not boundaries.seen:
+    if evidence.features.kind is not FeatureKind.LINE or not boundaries.side_count:
         return 1.0
     rows, columns = np.nonzero(evidence.features.response)
     x_m, y_m = evidence.view.ground(np.column_stack([columns, rows])).T
@@ -93,12 +93,12 @@ class Pipeline:
     def __init__(self, recipe: PipelineRecipe, camera: Camera, vehicle: Vehicle) -> None:
         self._recipe, self._camera, self._vehicle = recipe, camera, vehicle
         self._view = _working_view(camera)
-        self._before = [(stage.kind, stage.bound()) for stage in recipe.of("prepare", "warp", "region")]
-        self._features = _bound(recipe.of("features"))
-        self._outliers = _bound(recipe.of("outliers"))
-        (self._model,) = _bound(recipe.of("model"))
-        (self._state,) = _bound(recipe.of("state"))
-        (self._steer,) = _bound(recipe.of("steer")) or [pursuit]
+        self._before = [(stage.kind, stage.bind()) for stage in recipe.of("prepare", "warp", "region")]
+        self._features = _bind_stages(recipe.of("features"))
+        self._outliers = _bind_stages(recipe.of("outliers"))
+        (self._model,) = _bind_stages(recipe.of("model"))
+        (self._state,) = _bind_stages(recipe.of("state"))
+        (self._steer,) = _bind_stages(recipe.of("steer")) or [pursuit]
         self._track: list[Callable[..., Boundaries]] = []  # stages with memory: new ones after a jump in time
         self._rule: Callable[..., RuleAngle | None] | None = None
         self._lookahead_m = steering_settings().lookahead_m
@@ -116,13 +116,13 @@ class Pipeline:
         if not (view.ahead_m > 0).any():
             return self._nothing(frame.t_s, "no pixel of the image shows the road")
         motion = self._motion(frame.t_s, state)
-        predicted = moved(self._last, motion) if self._last is not None else None
+        predicted = move_boundaries(self._last, motion) if self._last is not None else None
         evidence = self._evidence(picture, view, predicted, motion.speed_mps)
         boundaries: Boundaries = self._model(evidence)
         clear = clarity(evidence, boundaries)
         for track in self._track:
             boundaries = track(boundaries, motion)
-        self._last, self._last_t_s = (boundaries if boundaries.seen else None), frame.t_s
+        self._last, self._last_t_s = (boundaries if boundaries.side_count else None), frame.t_s
         measured: MeasuredLane | None = self._state(boundaries, view)
         if measured is not None:
             self._score = self._recipe.trust * clear * lane_score(boundaries, measured, self._recipe)
@@ -134,7 +134,7 @@ class Pipeline:
         """The BGR image at working size, without lens distortion, and its view."""
         height_px, width_px = image.shape[:2]
         if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
-            self._camera = self._camera.resized(width_px, height_px)
+            self._camera = self._camera.resize(width_px, height_px)
             self._view = _working_view(self._camera)
         picture, camera = as_bgr(image), self._camera
         if any(camera.distortion):
@@ -149,8 +149,8 @@ class Pipeline:
         dt_s = t_s - self._last_t_s
         if not 0 <= dt_s <= MAX_GAP_S:  # NaN: the first frame
             self._last, self._score, dt_s = None, 0.0, 0.0
-            self._track = _bound(self._recipe.of("track"))
-            self._rule = next(iter(_bound(self._recipe.of("rule"))), None)
+            self._track = _bind_stages(self._recipe.of("track"))
+            self._rule = next(iter(_bind_stages(self._recipe.of("rule"))), None)
         return FrameMotion(dt_s, *VehicleMotion.of(state))
 
     def _evidence(
@@ -211,7 +211,7 @@ class Pipeline:
         """The estimate with the boundaries alone."""
         return replace(
             self._nothing(t_s, boundaries.reason),
-            lanes_detected=boundaries.seen,
+            lanes_detected=boundaries.side_count,
             left_boundary_px=boundary_path(boundaries.left, self._camera),
             right_boundary_px=boundary_path(boundaries.right, self._camera),
         )
@@ -229,12 +229,12 @@ def _working_view(camera: Camera) -> GroundView:
     if camera.width_px <= WORKING_WIDTH_PX:
         return view
     height_px = max(1, round(camera.height_px * WORKING_WIDTH_PX / camera.width_px))
-    return view.resized(WORKING_WIDTH_PX, height_px)
+    return view.resize(WORKING_WIDTH_PX, height_px)
 
 
-def _bound(stages: tuple[Stage, ...]) -> list[Callable[..., Any]]:
+def _bind_stages(stages: tuple[Stage, ...]) -> list[Callable[..., Any]]:
     """The callables of ``stages``; those with memory start without any."""
-    return [stage.bound() for stage in stages]
+    return [stage.bind() for stage in stages]
 
 
 def _within(
@@ -245,7 +245,7 @@ def _within(
     inner = region.mask[rows, columns] if region.mask is not None else None
     outer = mask[rows, columns] if mask is not None else None
     both = inner if outer is None else outer if inner is None else inner & outer
-    return np.ascontiguousarray(picture[rows, columns]), view.cropped(region.box), both
+    return np.ascontiguousarray(picture[rows, columns]), view.crop(region.box), both
 
 
 def _all_of(features: list[Features]) -> Features:
@@ -260,7 +260,7 @@ def boundary_path(boundary: Boundary | None, camera: Camera) -> PixelPath:
     """Pixels (x, y) of the boundary in the distorted input image, one every ten rows from the bottom up."""
     if boundary is None:
         return ()
-    pixels = _distorted(np.column_stack([boundary.x_m, boundary.y_m]), camera)
+    pixels = _distort_points(np.column_stack([boundary.x_m, boundary.y_m]), camera)
     if len(pixels) < 2:
         return ()
     rows = np.arange(camera.height_px // ROW_STEP_PX * ROW_STEP_PX, -1.0, -ROW_STEP_PX)
@@ -270,7 +270,7 @@ def boundary_path(boundary: Boundary | None, camera: Camera) -> PixelPath:
     return tuple(zip(columns[near].tolist(), rows[near].tolist(), strict=True))
 
 
-def _distorted(ground_m: Array, camera: Camera) -> Array:
+def _distort_points(ground_m: Array, camera: Camera) -> Array:
     """Pixels, shape (n, 2), of the road points that lie ahead of the camera, with lens distortion."""
     points = np.column_stack([ground_m - [camera.x_m, camera.y_m], np.full(len(ground_m), -camera.height_m)])
     rays = points @ camera.optical_from_vehicle.T

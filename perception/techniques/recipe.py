@@ -12,7 +12,7 @@ from pydantic import Field, create_model
 from ruamel.yaml.comments import CommentedMap
 
 from perception.techniques.stages import KINDS
-from trepid.config import CONFIG_DIR, InputError, Settings, located, parse, read, texts
+from trepid.config import CONFIG_DIR, InputError, Settings, fault_line, parse, read, texts
 from trepid.messages import EstimateKind
 from trepid.spelling import did_you_mean
 from trepid.types import NonNegative, Positive, PositiveShare
@@ -24,7 +24,7 @@ STEERING = ("steer", "rule")  # a pipeline has at most one of them
 NEEDED = ("features", "model", "state")
 
 
-class Written(Settings):
+class RecipeEntry(Settings):
     """One pipeline as it stands in the file."""
 
     source: Annotated[str, Field(min_length=1)]
@@ -45,7 +45,7 @@ class Stage:
     entry: Callable[..., Any]
     settings: Mapping[str, Any]
 
-    def bound(self) -> Callable[..., Any]:
+    def bind(self) -> Callable[..., Any]:
         """The callable for every frame; a stage with memory begins without any."""
         if not inspect.isclass(self.entry):
             return partial(self.entry, **self.settings)
@@ -89,13 +89,13 @@ def _recipes(path: Path, *_: str) -> dict[str, PipelineRecipe]:
 
 def _recipe(name: str, data: CommentedMap, path: Path) -> PipelineRecipe:
     if not isinstance(data[name], CommentedMap):
-        raise InputError(located([name], "expected source, description and stages", data, path))
-    written = parse(data[name], Written, source=path)
+        raise InputError(fault_line([name], "expected source, description and stages", data, path))
+    written = parse(data[name], RecipeEntry, source=path)
     stages = tuple(_stage(name, number, data, path) for number in range(len(written.stages)))
     recipe = PipelineRecipe(**{**dict(written), "name": name, "stages": stages})
     problem = _misfit(recipe)
     if problem:
-        raise InputError(located([name, "stages", *problem[0]], problem[1], data, path))
+        raise InputError(fault_line([name, "stages", *problem[0]], problem[1], data, path))
     return recipe
 
 
@@ -104,13 +104,13 @@ def _stage(pipeline: str, number: int, data: CommentedMap, path: Path) -> Stage:
     place: list[str | int] = [pipeline, "stages", number]
     item = data[pipeline]["stages"][number]
     if isinstance(item, CommentedMap) and len(item) != 1:
-        raise InputError(located(place, f"expected one stage, got {len(item)}", data, path))
+        raise InputError(fault_line(place, f"expected one stage, got {len(item)}", data, path))
     name = next(iter(item)) if isinstance(item, CommentedMap) else item
     kind = next((kind for kind, table in KINDS.items() if name in table), None)
     if kind is None:
         known = [stage for table in KINDS.values() for stage in table]
         problem = f"no stage {str(name)!r}; {did_you_mean(str(name), known)}"
-        raise InputError(located(place, problem, data, path))
+        raise InputError(fault_line(place, problem, data, path))
     entry = KINDS[kind][name]
     given = item[name] if isinstance(item, CommentedMap) else None
     settings = settings_of(entry)

@@ -95,8 +95,8 @@ KINDS: dict[str, dict[str, Callable[..., Any]]] = {
     },
     "track": {
         "kalman": kalman.Kalman,
-        "extended_kalman": kalman.Extended,
-        "unscented_kalman": kalman.Unscented,
+        "extended_kalman": kalman.ExtendedKalman,
+        "unscented_kalman": kalman.UnscentedKalman,
         "particles": sampled.Particles,
         "bayes": sampled.Bayes,
     },

@@ -51,7 +51,7 @@ def run(me: Process) -> None:
         state = car.step(acting, now_s=now_s)
         speed_mps = state.speed_mps or 0.0
         send(odometry_of(state) if reports.type is Odometry else state)
-        me.stepped()
+        me.count_step()
 
 
 def odometry_of(state: VehicleState) -> Odometry:

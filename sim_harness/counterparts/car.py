@@ -14,7 +14,7 @@ from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, VehicleState
 from trepid.processes.process import Process, Ticker
 from trepid.topics import LEAD_VEHICLE, ROAD_USERS, SIM_TRUTH
-from vehicle.actuators.table import configured
+from vehicle.actuators.table import configured_actuator
 
 S = TypeVar("S", bound=Settings)
 
@@ -24,7 +24,7 @@ def wire_settings(me: Process, kind: type[S], actuator: str) -> S:
 
     Raises InputError when ``config/actuator.yaml`` names an actuator other than ``actuator``.
     """
-    name, settings = configured()
+    name, settings = configured_actuator()
     if not isinstance(settings, kind):
         raise InputError(
             f"process {me.name} simulates the other end of the actuator {actuator!r}, but actuator.yaml names "

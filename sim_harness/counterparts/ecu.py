@@ -137,9 +137,9 @@ def run(me: Process) -> None:
             for sender, frame in ecu.reports(state, now_s=now_s, step_s=car.settings.period_s):
                 wire.send(sender, frame)
             if ecu.safe:
-                me.stepped(Health.WARN, f"safe state: {ecu.safe}")
+                me.count_step(Health.WARN, f"safe state: {ecu.safe}")
             else:
-                me.stepped()
+                me.count_step()
     finally:
         wire.close()
 

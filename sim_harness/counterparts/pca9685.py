@@ -142,7 +142,7 @@ def run(me: Process) -> None:
             bus.serve(ticker.remaining_s())
             if ticker.due():
                 car.step(chip.pulse_us(steering), chip.pulse_us(throttle), now_s=me.now_s())
-                me.stepped()
+                me.count_step()
 
 
 if __name__ == "__main__":

@@ -131,7 +131,7 @@ def run(me: Process) -> None:
                 answer += f"V{round(1000 * max(0.0, car.speed_mps))}\n".encode()
             if answer:
                 port.write(answer)
-            me.stepped()
+            me.count_step()
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from perception.api import brings_camera
-from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
 from perception.estimators import entry_of, lane_cv_settings
 from perception.images.sources import RECORDING_SUFFIX, Source, Still, settings_of, sources
 from sim_harness.footage.clip import ClipFrames, load_drive
@@ -127,7 +127,7 @@ def assumed_camera(source: Source) -> Camera:
     """A typical camera with the horizon of the clip, as in `trepid estimate`."""
     note("no --camera given: distances depend on an assumed camera with the horizon of the clip")
     images = [source.read()] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES)
-    return self_calibrated(images, lane_cv_settings().self_calibration)
+    return calibrate_by_images(images, lane_cv_settings().self_calibration)
 
 
 def _draw(drive: ClipFrames, path: Path) -> None:

@@ -96,7 +96,7 @@ def load_drive(
     sizes = {image.shape for image in images}
     if len(sizes) > 1:
         raise InputError(f"{path}: frames of different sizes: {', '.join(map(str, sorted(sizes)))}")
-    camera = camera.resized(images[0].shape[1], images[0].shape[0])
+    camera = camera.resize(images[0].shape[1], images[0].shape[0])
     t_s = np.array([shot.t_s for shot in shots]) - shots[0].t_s
     speeds = np.full(len(images), speed_mps or math.nan)
     if speed_mps is None and log is None:

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from perception.images.annotate import PANEL, enlarged, with_lane
+from perception.images.annotate import PANEL, enlarge, with_lane
 from perception.images.fear_strip import with_decision
 from perception.images.frames import FrameResult
 from sim_harness.footage.onlooker import Onlooked
@@ -22,7 +22,7 @@ def drawn(one: FrameResult[Onlooked]) -> Image:
 def with_lanes(image: Image, seen: Onlooked) -> Image:
     """A copy of ``image``, at least 640 px wide: detected boundaries as lines, others dashed."""
     measured = [e for e in seen.estimates.values() if e.has_boundaries]
-    canvas = with_lane(image, measured[0]) if measured else enlarged(image)[0]
+    canvas = with_lane(image, measured[0]) if measured else enlarge(image)[0]
     scale = canvas.shape[1] / image.shape[1]
     for found in seen.estimates.values():
         if not found.has_boundaries:

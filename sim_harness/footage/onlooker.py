@@ -20,7 +20,7 @@ import numpy as np
 import supervisor.supervisor
 from perception.camera.odometry import StateOdometry
 from perception.estimators import ESTIMATORS, build_beside
-from perception.images.outline import outlined
+from perception.images.outline import with_boundaries
 from perception.lead.finder import LeadFinder
 from perception.sight.judge import build as build_judge
 from sim_harness.footage.clip import undistorted
@@ -92,7 +92,7 @@ class Onlooker:
         decision = self._supervisor.step(
             found, statistics, lead, state, now_s=t_s + LATENCY_S, road_users=people
         )
-        shown = {name: outlined(one, self._camera, self._vehicle) for name, one in found.items()}
+        shown = {name: with_boundaries(one, self._camera, self._vehicle) for name, one in found.items()}
         return Onlooked(shown, statistics, lead, decision)
 
 
@@ -129,7 +129,7 @@ class Given:
         measured = StateOdometry.WAY if yaw_radps_at is None else StateOdometry.WAY_AND_TURN
         self.odometry = measured if logged else StateOdometry.NONE
         width_px = min(camera.width_px, YAW_WIDTH_PX)
-        self._camera = camera.resized(width_px, round(camera.height_px * width_px / camera.width_px))
+        self._camera = camera.resize(width_px, round(camera.height_px * width_px / camera.width_px))
         self._vehicle, self._speed_mps_at, self._yaw_radps_at = vehicle, speed_mps_at, yaw_radps_at
         self._first_s: float | None = None
         self._before: tuple[float, Image] | None = None

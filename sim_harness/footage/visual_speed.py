@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from perception.camera.grey import grey
-from perception.camera.ground_flow import GroundInImage, tracked
+from perception.camera.ground_flow import GroundInImage, track_corners
 from trepid.car.camera import Camera
 from trepid.types import Array, Image
 
@@ -40,7 +40,9 @@ def _speeds_mps(
     for first in pairs:
         dt_s = float(t_s[first + 1] - t_s[first])
         before, after = grey(frames[first]), grey(frames[first + 1])
-        moved = tracked(before, after, GroundInImage(camera, camera.fx_px, fh), tried_mps * dt_s, None, dt_s)
+        moved = track_corners(
+            before, after, GroundInImage(camera, camera.fx_px, fh), tried_mps * dt_s, None, dt_s
+        )
         speeds.append(fh * moved.nearer[moved.after_px[:, 1] > 0] / dt_s)
     every = np.concatenate(speeds) if speeds else np.empty(0)
     return every[np.abs(every / tried_mps - 1) < NEAR]

@@ -49,7 +49,7 @@ def run(me: Process) -> None:
             jpeg = encoder.step(frame)
             if jpeg is not None:
                 send_compressed(jpeg)
-        me.stepped()
+        me.count_step()
 
 
 if __name__ == "__main__":

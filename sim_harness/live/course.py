@@ -25,7 +25,7 @@ from sim_harness.scenarios.road_users import UserSensor
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight, load_scenario
 from trepid.config import InputError
 from trepid.messages import SimTruth, VehicleState
-from trepid.processes.fused import gathered
+from trepid.processes.fused import gather_specs
 from trepid.processes.settings import ProcessSpec, Restart
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -144,7 +144,7 @@ class ScenarioCourse:
         """Load what a run of the scenario reads. Raises InputError, also for a fault of no process of its own."""
         check_lead(specs)
         check_configuration([self._scenario])
-        self._check_losable(gathered(specs))
+        self._check_losable(gather_specs(specs))
         senses = self._scenario.road_users_by is not UserSensor.CAMERA
         return Findings(misfits(), "" if senses else blindness(specs))
 

@@ -54,7 +54,7 @@ def run(me: Process) -> None:
         if begun:
             if button.stops:
                 simulated.stop()
-            permitted = button.permitted(command.message)
+            permitted = button.permit(command.message)
             state, truth = simulated.step(permitted, command.received_s, now_s=began_s)
             if fresh is not None:
                 times.note(fresh.t_s, command, began_s=began_s)
@@ -69,9 +69,9 @@ def run(me: Process) -> None:
                 send_users(users)
         if button.held or simulated.sensors.doubts:
             stopped = (STOPPED,) if button.held else ()
-            me.stepped(Health.WARN, "; ".join((*stopped, *simulated.sensors.doubts)))
+            me.count_step(Health.WARN, "; ".join((*stopped, *simulated.sensors.doubts)))
         else:
-            me.stepped()
+            me.count_step()
 
 
 if __name__ == "__main__":

@@ -80,4 +80,4 @@ class _Recorder:
     def _write(self, topic: Topic[Any], message: Any, at_s: float) -> None:
         if message is not None and self._written.get(topic.key) is not message:
             self._written[topic.key] = message
-            self._file.add(topic.key, to_cdr(self._times.recorded(message)), at_s=at_s)
+            self._file.add(topic.key, to_cdr(self._times.in_recorded_time(message)), at_s=at_s)

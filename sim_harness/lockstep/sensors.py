@@ -80,7 +80,7 @@ class SimulatedSensors:
         """``state`` without the measurements that do not hold; ``applied`` is the last command to the car."""
         if self._check is None:
             return state
-        self._check.given(applied)
+        self._check.add_command(applied)
         arrived = state if self._carry is None else self._carry(state, applied, now_s)
         held, doubts = self._check.step(arrived, driver=driver, now_s=now_s)
         lacking = () if arrived is None else arrived.doubted

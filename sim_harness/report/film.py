@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from drive.reason import fired
+from drive.reason import fired_rules
 from perception.estimators import Estimator
-from perception.images.annotate import annotated, with_lane
+from perception.images.annotate import annotate, with_lane
 from sim_harness.lockstep.closed_loop import Instant, Parts, Result, Witness, build_parts, run
 from sim_harness.scenarios.scenario import Scenario
 from trepid.bounds import at_least
@@ -60,7 +60,7 @@ class Film:
             return
         truth, decision = now.truth, now.decision
         others = zip(truth.traffic_x_m, truth.traffic_y_m, truth.traffic_yaw_rad, strict=True)
-        rules = tuple(fired(decision)) if decision else ()
+        rules = tuple(fired_rules(decision)) if decision else ()
         self.glimpses.append(Glimpse(now.now_s, tuple(others), rules))
 
     def watching(self, parts: Parts) -> Parts:
@@ -112,7 +112,7 @@ def run_filmed(scenario: Scenario, *, seed: int, witness: Witness | None = None)
 
 def picture(shot: FilmFrame) -> tuple[bytes, str]:
     """The frame with the lane of the most confident estimator, as JPEG, and the name of the estimator."""
-    return _drawn(shot, annotated, PICTURE_PX, PICTURE_QUALITY)
+    return _drawn(shot, annotate, PICTURE_PX, PICTURE_QUALITY)
 
 
 def small_picture(shot: FilmFrame) -> bytes:

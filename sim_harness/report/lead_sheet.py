@@ -10,7 +10,7 @@ import typer
 from perception.images.annotate import label
 from perception.images.frames import FrameResult
 from perception.lead.finder import lead_finder, lead_settings
-from perception.lead.leads import drawn, leads_in
+from perception.lead.leads import draw_leads, leads_in
 from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body
@@ -86,7 +86,7 @@ def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Ima
     finder = lead_finder(lead_settings(), camera, vehicle)
     leads = leads_in(finder, vehicle.scale, Frame(t_s=0.0, image=image))
     found = FrameResult(Path("sheet"), 0, 0.0, image, camera, leads, 0.0)
-    canvas = drawn(found)
+    canvas = draw_leads(found)
     (left, right), (top, bottom) = SHARE
     height, width = canvas.shape[:2]
     part = canvas[round(top * height) : round(bottom * height), round(left * width) : round(right * width)]

@@ -38,9 +38,9 @@ from trepid.config import (
     Settings,
     default_file,
     default_names,
+    fault_line,
     json_schema,
     load,
-    located,
     parse,
     read,
     wrong_at,
@@ -390,7 +390,7 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     scenario = scenario.model_copy(update=update)
     problem = scenario.problem() if check else None
     if problem:
-        raise InputError(located(*problem, data, path, overrides))
+        raise InputError(fault_line(*problem, data, path, overrides))
     check_vary(scenario, scenario.vary, data, path, misfit=_misfit if check else None)
     return scenario
 

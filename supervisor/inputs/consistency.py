@@ -55,7 +55,7 @@ class RunningMean(NamedTuple):
         kept = math.exp(-step / length)
         return RunningMean(kept * self.total + (1 - kept) * value, kept * self.weight + (1 - kept))
 
-    def moved(self, value: float, step: float, *, length: float) -> "RunningMean":
+    def moved_mean(self, value: float, step: float, *, length: float) -> "RunningMean":
         """:meth:`after` for a mean of weight 1, in the form mean + share·(value - mean), which rounds otherwise."""
         share = 1.0 - math.exp(-step / length)
         return RunningMean(self.total + share * (value - self.total))
@@ -181,6 +181,6 @@ class Edges:
         estimate = surest_of_marking(seen)
         if estimate is not None:
             doubt = 0.0 if estimate.marked else 1.0 - (estimate.confidence or 0.0)
-            self._doubt = self._doubt.moved(doubt, way_m, length=EDGES_M)
+            self._doubt = self._doubt.moved_mean(doubt, way_m, length=EDGES_M)
             self._unmarked_m = 0.0 if estimate.marked else self._unmarked_m
         return EdgeWay(self._doubt.mean, self._unmarked_m)

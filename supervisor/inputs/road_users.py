@@ -57,14 +57,14 @@ def judge_road_users(
     users = []
     for kind, *numbers in zip(message.kinds, *columns, strict=True):
         x_m, y_m, x_mps, y_mps, confidence = numbers
-        user = RoadUser(kind, x_m, y_m, _known(x_mps), _known(y_mps), confidence)
+        user = RoadUser(kind, x_m, y_m, _speed_or_none(x_mps), _speed_or_none(y_mps), confidence)
         if not _is_possible(user, settings):
             return WatchedUsers(age_s)
-        users.append(_moved_on(user, moved, age_s))
+        users.append(_move_user(user, moved, age_s))
     return WatchedUsers(age_s, tuple(users), message.detects)
 
 
-def _known(speed_mps: float) -> float | None:
+def _speed_or_none(speed_mps: float) -> float | None:
     return None if math.isnan(speed_mps) else speed_mps
 
 
@@ -76,17 +76,17 @@ def _is_possible(user: RoadUser, settings: ValidationSettings) -> bool:
     return None not in places and possible and len(speeds) != 1 and 0 <= user.confidence <= 1
 
 
-def _moved_on(user: RoadUser, moved: tuple[float, float, float], dt_s: float) -> RoadUser:
+def _move_user(user: RoadUser, moved: tuple[float, float, float], dt_s: float) -> RoadUser:
     """``user`` after ``dt_s``, in the frame of the vehicle that has ``moved`` (x, y, yaw) meanwhile."""
     x_mps, y_mps = user.x_mps or 0.0, user.y_mps or 0.0
     ahead_m, left_m, yaw_rad = moved
-    x_m, y_m = _turned(user.x_m + x_mps * dt_s - ahead_m, user.y_m + y_mps * dt_s - left_m, -yaw_rad)
+    x_m, y_m = _rotate(user.x_m + x_mps * dt_s - ahead_m, user.y_m + y_mps * dt_s - left_m, -yaw_rad)
     if user.x_mps is None:
         return user._replace(x_m=x_m, y_m=y_m)
-    x_mps, y_mps = _turned(x_mps, y_mps, -yaw_rad)
+    x_mps, y_mps = _rotate(x_mps, y_mps, -yaw_rad)
     return user._replace(x_m=x_m, y_m=y_m, x_mps=x_mps, y_mps=y_mps)
 
 
-def _turned(x: float, y: float, by_rad: float) -> tuple[float, float]:
+def _rotate(x: float, y: float, by_rad: float) -> tuple[float, float]:
     cos, sin = math.cos(by_rad), math.sin(by_rad)
     return cos * x - sin * y, sin * x + cos * y

@@ -21,7 +21,7 @@ class Stopwatch:
         return at_least(now_s - self._since_s, 0.0)
 
 
-class Held:
+class HoldTimer:
     """Compares the time for which a condition has held without a break with a limit."""
 
     def __init__(self) -> None:

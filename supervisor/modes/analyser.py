@@ -100,7 +100,7 @@ def _unseen(x: Features, s: AnalyserSettings) -> bool:
     return not _number(x["seen_confidence"]) >= s.unsure
 
 
-def _occluded(x: Features, s: AnalyserSettings) -> bool:
+def _is_occluded(x: Features, s: AnalyserSettings) -> bool:
     near = _number(x["lead_distance"]) < s.occluding_m or _number(x["time_gap"]) < s.occluding_s
     return near and _unseen(x, s)
 
@@ -150,7 +150,7 @@ SUSPECTS = (
         "no edges and no contrast",
     ),
     Suspect(Cause.DIRTY_LENS, "lens", _above("spots", "spots"), "spots all over the image stand still"),
-    Suspect(Cause.OCCLUDED, "traffic", _occluded, "the road is hard to see and a vehicle is in the way"),
+    Suspect(Cause.OCCLUDED, "traffic", _is_occluded, "the road is hard to see and a vehicle is in the way"),
     Suspect(
         Cause.DISAGREEMENT,
         "perception",
@@ -192,17 +192,17 @@ def analyse(
             if suspect.cause is Cause.LOST_ESTIMATOR:
                 part = max(ages_s, key=lambda name: ages_s[name])
             if suspect.cause is Cause.DOUBTED_STATE:
-                part = named(doubted) or part
+                part = field_names(doubted) or part
             return Finding(suspect.cause, part)
     return NOTHING
 
 
-def named(doubted: Collection[str]) -> str:
+def field_names(doubted: Collection[str]) -> str:
     """The names of the fields ``doubted`` of the vehicle state, such as ``speed, yaw rate``."""
     return ", ".join(QUANTITIES.get(field, field) for field in doubted)
 
 
-def explained(cause: str, finding: Finding, sight_cause: str = "") -> str:
+def traced_cause(cause: str, finding: Finding, sight_cause: str = "") -> str:
     """The cause of fear, traced back: a symptom gives way to the finding that accounts for it.
 
     A rule about ``sight`` gives way to what ends the sight.

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from supervisor.inputs.timers import Held, Patience, Stopwatch
+from supervisor.inputs.timers import HoldTimer, Patience, Stopwatch
 from supervisor.inputs.watchdog import Fault
 from supervisor.modes.modes import Effect, ModeSettings, Situation
 from supervisor.rules.inference import FearRules
@@ -117,10 +117,10 @@ class Doubt:
     effect: Effect
     cleared: str
     pauses: Condition = _never  # holds the time constant
-    timer: type[Held] | type[Patience] = Held
+    timer: type[HoldTimer] | type[Patience] = HoldTimer
 
 
-def _unguided(m: Conditions) -> bool:
+def _is_unguided(m: Conditions) -> bool:
     """The highest level of fear, no trail to follow, and no estimator more likely right than wrong."""
     return m.moving and m.wanted is Mode.STOP and not m.lead and not m.driver and m.guess
 
@@ -129,7 +129,7 @@ def _ready(m: Conditions) -> bool:
     return m.drivable and m.standstill and not m.fault.cause
 
 
-def _handed_over(m: Conditions) -> bool:
+def _is_handed_over(m: Conditions) -> bool:
     return m.drivable and m.fault.cause in ("", Cause.DRIVER_OVERRIDE) and (m.driver or m.driven)
 
 
@@ -150,7 +150,7 @@ DOUBTS = (
     ),
     Doubt(
         "fear is at its highest level on the move and no estimator is rather right than wrong",
-        _unguided,
+        _is_unguided,
         lambda s, _: s.guess_s,
         Effect.EMERGENCY,
         "by confidence, less fear, a vehicle to follow",
@@ -200,7 +200,7 @@ DOUBTS = (
     ),
     Doubt(
         "healthy under a driver",
-        _handed_over,
+        _is_handed_over,
         lambda s, _: s.reengage_after_s,
         Effect.HAND_OVER,
         "by fear, a doubt, a fault",

@@ -155,27 +155,27 @@ _ROWS = {mode: tuple(row for row in TRANSITIONS if mode in row.sources) for mode
 def next_state(state: ModeState, now: Situation, *, final_causes: Collection[str]) -> ModeState:
     """The mode after this situation. A stop can only become harder; it ends at standstill or never."""
     if state.mode is Mode.STOP:
-        state = _tightened(state, now)
+        state = _tighten_stop(state, now)
     if state.final:
         return state
     for row in _ROWS[state.mode]:
         if row.when(now):
-            return _entered(row.target, now, final_causes)
+            return _enter_mode(row.target, now, final_causes)
     if state.cause == STARTING and HAND_OVER.when(now):
-        return _entered(HAND_OVER.target, now, final_causes)
+        return _enter_mode(HAND_OVER.target, now, final_causes)
     return state
 
 
-def _entered(mode: Mode, now: Situation, final_causes: Collection[str]) -> ModeState:
+def _enter_mode(mode: Mode, now: Situation, final_causes: Collection[str]) -> ModeState:
     if mode is not Mode.STOP:
         return ModeState(mode, Stop.NONE, "", final=False)
     doubted = not now.effects.isdisjoint({Effect.STOP, Effect.STOP_ON_ROAD})
     cause = now.fault or (now.cause if doubted else Cause.NO_ROAD)
     stop = ModeState(Mode.STOP, Stop.COMFORT, cause, final=cause in final_causes, part=now.part)
-    return _tightened(stop, now)
+    return _tighten_stop(stop, now)
 
 
-def _tightened(state: ModeState, now: Situation) -> ModeState:
+def _tighten_stop(state: ModeState, now: Situation) -> ModeState:
     """The stop after new effects: BRAKE_HARDER makes it an emergency stop, EMERGENCY a final emergency stop, a lost
     process makes it final, except before the first drive, while the processes start.
     """

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from supervisor.inputs.validation import ValidationSettings
-from supervisor.modes.analyser import named
+from supervisor.modes.analyser import field_names
 from supervisor.modes.doubts import Conditions
 from supervisor.modes.modes import STARTING, ModeSettings, ModeState
 from supervisor.path.giving_way import Way
@@ -57,7 +57,7 @@ def since(age_s: float) -> str:
     return f"none for {age_s:.1f} s" if math.isfinite(age_s) else "none so far"
 
 
-def _awaited(v: StartSituation) -> Collection[str]:
+def _awaited_processes(v: StartSituation) -> Collection[str]:
     """Processes that have not reported yet in a drive that is to begin."""
     return v.losses.awaited if v.losses is not None else ()
 
@@ -93,7 +93,7 @@ def _calm(v: StartSituation) -> str:
 
 def _cause(v: StartSituation) -> str:
     """The cause of fear, with the measurements that are doubted."""
-    return in_words(v.cause, named(v.world.doubted) if v.cause == Cause.DOUBTED_STATE else "")
+    return in_words(v.cause, field_names(v.world.doubted) if v.cause == Cause.DOUBTED_STATE else "")
 
 
 def _doubtful(v: StartSituation) -> bool:
@@ -110,7 +110,7 @@ def _state(v: StartSituation) -> str:
     """The age of the state; a fresh one that counts as missing has an impossible or no value."""
     doubt = v.world.features[DOUBT]
     if doubt is not None and doubt > 0.0:
-        doubted = named(v.world.doubted)
+        doubted = field_names(v.world.doubted)
         return f"{doubted} doubted" if doubted else "a measurement is missing"
     age_s = v.world.state_age_s
     return "not valid" if age_s <= v.bounds.validation.state_fresh_s else since(age_s)
@@ -119,8 +119,8 @@ def _state(v: StartSituation) -> str:
 OBSTACLES = (
     Obstacle(
         "a process that the launcher still awaits",
-        lambda v: bool(_awaited(v)),
-        lambda v: f"the start of {', '.join(_awaited(v))}",
+        lambda v: bool(_awaited_processes(v)),
+        lambda v: f"the start of {', '.join(_awaited_processes(v))}",
     ),
     Obstacle(
         "an estimator without a valid message",
@@ -163,10 +163,10 @@ def waits_for(view: StartSituation, halt: Halt) -> str:
         return _stop(view, halt)
     if halt.braked_for:
         return _brake(halt)
-    return "" if halt.cap_mps >= view.bounds.modes.standstill_mps else _bounded(view, halt)
+    return "" if halt.cap_mps >= view.bounds.modes.standstill_mps else _bound_words(view, halt)
 
 
-def _bounded(view: StartSituation, halt: Halt) -> str:
+def _bound_words(view: StartSituation, halt: Halt) -> str:
     """The words about what keeps the speed at standstill."""
     way, sight, standstill_mps = view.world.way, view.world.sight, view.bounds.modes.standstill_mps
     if way.hard or way.cap_mps < standstill_mps:

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from supervisor.inputs.timers import Held
+from supervisor.inputs.timers import HoldTimer
 from supervisor.inputs.validation import ValidationSettings, within
 from supervisor.path.fusion import Path
 from supervisor.path.hand_over import LEAD
@@ -131,9 +131,9 @@ class Follower:
         self._led_s = -math.inf  # last time without a measured road
         self._lead_m = math.inf  # last distance of the leader, on or off the trail
         self._lead_s = -math.inf  # time of this distance
-        self._astray = Held()  # the leader is off the trail
+        self._astray = HoldTimer()  # the leader is off the trail
         self._left = False  # the leader has left the road
-        self._points = self._trail.seen()
+        self._points = self._trail.visible_points()
         self._ahead_m = -math.inf  # end of the trail ahead
 
     def usable(self, lead: Lead) -> bool:
@@ -151,13 +151,13 @@ class Follower:
         dt_s = 0.0 if self._now_s is None else now_s - self._now_s
         self._now_s = now_s
         self._trail.move(own, dt_s)
-        self._held = _moved_on(self._held, lead, own, dt_s, hold_s=self._settings.hold_s)
+        self._held = _move_lead(self._held, lead, own, dt_s, hold_s=self._settings.hold_s)
         self._speed_mps = max(abs(own.speed_mps), lead.speed_mps)
         if road is not None:
             self._road, self._road_s = road.lane.after(own, now_s - road.t_s), now_s
         elif self._road is not None:
             self._road = self._road.after(own, dt_s)
-        self._points = self._trail.seen()
+        self._points = self._trail.visible_points()
         self._take(lead, seen=road is not None, now_s=now_s)
         self._ahead_m = float(self._points[:, 0].max(initial=-math.inf))
         if self._ahead_m < self._settings.least_ahead_m:
@@ -186,7 +186,7 @@ class Follower:
         if self._astray.lasts(ours and astray, ASTRAY_S, now_s=now_s) and not self._left:
             self._trail.forget_beyond(ahead_m - self._lag_m)
             self._left = True
-        self._points = self._trail.seen()
+        self._points = self._trail.visible_points()
 
     @property
     def _lag_m(self) -> float:
@@ -289,7 +289,7 @@ class Gate(NamedTuple):
     within_m: float
 
 
-def _moved_on(held: Lead, lead: Lead, own: Motion, dt_s: float, *, hold_s: float) -> Lead:
+def _move_lead(held: Lead, lead: Lead, own: Motion, dt_s: float, *, hold_s: float) -> Lead:
     """The lead; without a lead the last one for ``hold_s``, moved at its last speed."""
     if lead.distance_m is not None:
         return replace(lead, age_s=0.0)

@@ -63,7 +63,7 @@ class Path(NamedTuple):
     measured: bool = True  # False: the arc of a steering angle, whose offset and heading error are unknown
 
 
-class Fused(NamedTuple):
+class FusionResult(NamedTuple):
     """The result of the fusion."""
 
     path: Path | None
@@ -129,7 +129,7 @@ class Fusion:
         *,
         now_s: float,
         trust: Mapping[str, float] = NO_TRUST,
-    ) -> Fused:
+    ) -> FusionResult:
         """One path from the usable estimates; without any, the moved memory for up to ``memory_s``.
 
         ``trust`` is the present factor of the confidence of each estimator, 1 for estimators without one.
@@ -144,7 +144,7 @@ class Fusion:
             self._settings.lookahead_s * abs(moving.speed_mps), self._settings.min_lookahead_m
         )
         views = [self._view(s, moving, t_s, lookahead_m, trust=trust.get(s.estimator, 1.0)) for s in used]
-        remembered = self._remembered(coasted, t_s, lookahead_m)
+        remembered = self._remembered_lane(coasted, t_s, lookahead_m)
         group = self._agreeing(views, remembered, t_s)
         self._left_out = frozenset([view.name for view in views if view not in group])
         raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m, self._settings)
@@ -155,11 +155,11 @@ class Fusion:
             weighted_1pm, separation_m = at_least(held_1pm, weighted_1pm), at_least(held_m, separation_m)
         total = sum([view.weight for view in group])
         if group:
-            self._memory = self._joined(group, remembered, t_s, lookahead_m)
+            self._memory = self._join_lanes(group, remembered, t_s, lookahead_m)
         else:
             self._memory = self._before._replace(path=coasted)
         speed2 = moving.speed_mps**2
-        return Fused(
+        return FusionResult(
             path=self._memory.path,
             sources=tuple([view.name for view in group]),
             trust=tuple([view.weight / total for view in group]),
@@ -210,7 +210,7 @@ class Fusion:
             return None
         return Path(t_s, path.lane.after(motion, t_s - path.t_s), path.lookahead_m, "memory", path.measured)
 
-    def _remembered(self, path: Path | None, t_s: float, lookahead_m: float) -> WeightedLane | None:
+    def _remembered_lane(self, path: Path | None, t_s: float, lookahead_m: float) -> WeightedLane | None:
         """The memory as a view, whose variance grows with its age."""
         if path is None:
             return None
@@ -260,7 +260,7 @@ class Fusion:
             here_m > share * self._settings.gate_offset_m or ahead_m > share * self._settings.gate_lookahead_m
         )
 
-    def _joined(
+    def _join_lanes(
         self, group: list[WeightedLane], memory: WeightedLane | None, t_s: float, lookahead_m: float
     ) -> Memory:
         """The weighted mean of ``group``, and of the memory where it agrees.
@@ -277,7 +277,7 @@ class Fusion:
         total = sum([view.weight for view in joined])
         lane = _mean(joined, total) if lanes else None
         if angles:
-            lane, total = _led(lane, total, angles, lookahead_m)
+            lane, total = _lead_by_angles(lane, total, angles, lookahead_m)
         assert lane is not None
         path = Path(
             t_s=t_s,
@@ -294,7 +294,7 @@ def _mean(views: list[WeightedLane], total: float) -> Lane:
     return mean_lane([view.lane for view in views], [view.weight / total for view in views])
 
 
-def _led(
+def _lead_by_angles(
     lane: Lane | None, weight: float, angles: list[WeightedLane], lookahead_m: float
 ) -> tuple[Lane, float]:
     """``lane`` with ``weight``, bent by ``angles``, and the sum of all weights; without a lane the mean arc.

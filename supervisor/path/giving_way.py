@@ -145,7 +145,7 @@ def stop_within(free_m: float, decel_mps2: float, reaction_s: float, *, approach
     return 2 * decel_mps2 * room_m / (lag_mps + math.sqrt(lag_mps**2 + 2 * decel_mps2 * room_m))
 
 
-def permitted_mps(one: Encounter, speed_mps: float, settings: GivingWaySettings) -> float:
+def permitted_speed_mps(one: Encounter, speed_mps: float, settings: GivingWaySettings) -> float:
     """The greatest speed for ``one`` of a car that drives at ``speed_mps`` [m/s]."""
     s = settings
     approach_mps = at_least(-one.along_mps, 0.0)
@@ -225,7 +225,7 @@ class GivingWay:
         s = self._settings
         if not met:
             return CLEAR
-        caps = [permitted_mps(one, speed_mps, s) for one in met]
+        caps = [permitted_speed_mps(one, speed_mps, s) for one in met]
         least = min(range(len(met)), key=caps.__getitem__)
         near = [
             at_least(one.free_m, 0.0) / at_least(speed_mps, _CRAWL_MPS)

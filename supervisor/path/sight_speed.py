@@ -160,7 +160,7 @@ class SightSpeed:
         speed_mps = at_least(abs((motion or STANDING).speed_mps), 0.0)
         dt_s = 0.0 if self._now_s is None else at_least(now_s - self._now_s, 0.0)
         self._now_s = now_s
-        stated = self._stated(statistics)
+        stated = self._stated_sight_m(statistics)
         if stated is not None:
             self._end_m, self._stated_s = stated - speed_mps * age_s, now_s
             self._cause = statistics.sight_cause if statistics is not None else ""
@@ -202,7 +202,7 @@ class SightSpeed:
         way_m = self.comfort.way_m(speed_mps)
         return CALM if way_m * CALM <= sight.free_m else sight.free_m / way_m
 
-    def _stated(self, statistics: ImageStatistics | None) -> float | None:
+    def _stated_sight_m(self, statistics: ImageStatistics | None) -> float | None:
         """The sight less its deviation [m]; None where a number is missing or impossible."""
         if statistics is None or statistics.sight_m is None or statistics.sight_sigma_m is None:
             return None

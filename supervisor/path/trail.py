@@ -76,11 +76,11 @@ class Trail:
 
     def forget_beyond(self, x_m: float) -> None:
         """Drop the points farther ahead."""
-        seen = self.seen()
+        seen = self.visible_points()
         self._points = [p for p, keep in zip(self._points, (seen[:, 0] <= x_m).tolist(), strict=True) if keep]
         self._begun = (math.inf, math.inf)
 
-    def seen(self) -> Vector:
+    def visible_points(self) -> Vector:
         """Points (n, 3) from the vehicle: x, y [m] and weight, oldest first; points too far off are dropped."""
         if not self._points:
             return np.empty((0, 3))

@@ -85,12 +85,14 @@ class Voice:
                 x.append(worst)
         return x, missing
 
-    def ranked(self, strengths: Strengths) -> list[Firing]:
+    def rank_rules(self, strengths: Strengths) -> list[Firing]:
         """The rules that fire by strength and harm; of equals, the first in the file comes first."""
         harms = self._harms
         return sorted([(strength, harms[i], -i) for i, strength in strengths.items()], reverse=True)
 
-    def reported(self, ranked: list[Firing], notes: list[str]) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    def report_rules(
+        self, ranked: list[Firing], notes: list[str]
+    ) -> tuple[tuple[str, ...], tuple[float, ...]]:
         """The notes and the texts of the rules, and the strength of each."""
         texts, strengths = [self._texts[-i] for _, _, i in ranked], [fired[0] for fired in ranked]
         return (*notes, *texts), (*[1.0] * len(notes), *strengths)
@@ -138,10 +140,10 @@ class FearRules:
         voice = self.fear_voice
         x, missing = voice.complete(values)
         strengths = voice.method.strengths(x)
-        ranked = voice.ranked(strengths)
+        ranked = voice.rank_rules(strengths)
         fear = 1.0 if missing or not ranked else voice.method.value(strengths)
         notes = [self._note(name, values) for name in missing] if missing else []
-        texts, degrees = voice.reported(ranked, notes if ranked else [*notes, SILENT])
+        texts, degrees = voice.report_rules(ranked, notes if ranked else [*notes, SILENT])
         return FearResult(fear, self.level(fear), self._cause(ranked, missing, fear), texts, degrees)
 
     def trust(self, values: Values) -> dict[str, Trust]:
@@ -149,7 +151,7 @@ class FearRules:
 
         A missing or impossible value counts as the worst, so more risk and less knowledge are never more trust.
         """
-        return {name: self._trusted(voice, values) for name, voice in self.trust_voices.items()}
+        return {name: self._trust(voice, values) for name, voice in self.trust_voices.items()}
 
     def memberships(self, values: Values) -> dict[str, dict[str, float]]:
         """Degrees of every input, and of fear itself, in their five sets (``skfuzzy.trimf``, ``trapmf``)."""
@@ -203,13 +205,13 @@ class FearRules:
         low, high = spec.range
         return f"impossible {name} {value:g}, not in {low:g}..{high:g}: taken as {spec.riskiest_set}"
 
-    def _trusted(self, voice: Voice, values: Values) -> Trust:
+    def _trust(self, voice: Voice, values: Values) -> Trust:
         x, missing = voice.complete(values)
         strengths = voice.method.strengths(x)
-        ranked = voice.ranked(strengths)
+        ranked = voice.rank_rules(strengths)
         if not ranked:
             return TRUSTED
-        texts, degrees = voice.reported(ranked, [self._note(name, values) for name in missing])
+        texts, degrees = voice.report_rules(ranked, [self._note(name, values) for name in missing])
         rule, _ = voice.decisive(ranked)
         absent = [name for name in missing if name in rule.inputs]
         cause = self.inputs[absent[0]].missing if absent else rule.cause

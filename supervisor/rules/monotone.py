@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from supervisor.rules.rule_file import LEVELS, Input
 from supervisor.rules.sentence import Atom, Rule
-from supervisor.rules.shapes import Knots, curved, mirrored
+from supervisor.rules.shapes import Knots, curve_degree, mirror_knots
 from trepid.bounds import at_least, at_most
 
 Strengths = dict[int, float]
@@ -39,7 +39,7 @@ class Ramp(NamedTuple):
     def degree(self, x: float) -> float:
         """The degree at ``x``."""
         s = (x - self.zero) / self.span
-        return 0.0 if s <= 0 else 1.0 if s >= 1 else curved(s, self.knots)
+        return 0.0 if s <= 0 else 1.0 if s >= 1 else curve_degree(s, self.knots)
 
     def pieces(self) -> list[tuple[float, float, float]]:
         """(from x, to x, slope |d degree / dx|) of every straight piece, from the foot up."""
@@ -108,7 +108,7 @@ class Monotone:
                     risen.append(number)
         for number, knots in self._curved:
             if 0.0 < degrees[number] < 1.0:
-                degrees[number] = curved(degrees[number], knots)
+                degrees[number] = curve_degree(degrees[number], knots)
         strengths = self._always.copy()
         for number in risen:
             for rule, weight, others in self._cases[number]:
@@ -165,7 +165,7 @@ def edge(atom: Atom, spec: Input, harm: int) -> Edge:
     a, b, c, d, rise, fall = spec.shapes[atom.set]
     upward = (spec.risk == "rising") == (harm > 0)
     if atom.negated:
-        found = (c, d, mirrored(fall)) if upward else (b, a, mirrored(rise))
+        found = (c, d, mirror_knots(fall)) if upward else (b, a, mirror_knots(rise))
         return found if found[0] != found[1] else NEVER
     found = (a, b, rise) if upward else (d, c, fall)
     return found if found[0] != found[1] else ALWAYS

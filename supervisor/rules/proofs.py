@@ -65,13 +65,13 @@ def _vertices(rules: FearRules) -> Iterator[tuple[float, ...]]:
     signs = [1.0 if spec.risk == "rising" else -1.0 for spec in rules.inputs.values()]
     vertices = {tuple(calmest(rules).values())}
     for case in calm:  # a case that always fires has no ramps and leaves no vertex
-        vertices = _lowest({_pushed(vertex, ramp, signs) for vertex in vertices for ramp in case}, signs)
+        vertices = _lowest({_push_vertex(vertex, ramp, signs) for vertex in vertices for ramp in case}, signs)
         if len(vertices) > MAX_VERTICES:
             raise OverflowError(f"more than {MAX_VERTICES} ways for the rules for very_low to fail")
     yield from sorted(vertices)
 
 
-def _pushed(vertex: tuple[float, ...], ramp: Ramp, signs: list[float]) -> tuple[float, ...]:
+def _push_vertex(vertex: tuple[float, ...], ramp: Ramp, signs: list[float]) -> tuple[float, ...]:
     """The lowest point above ``vertex`` at which ``ramp`` is 0."""
     i = ramp.input
     x = ramp.zero if signs[i] * ramp.zero > signs[i] * vertex[i] else vertex[i]

@@ -40,7 +40,7 @@ class RuleChange(NamedTuple):
         """For a heartbeat, which carries the text into the recording: decisions after ``from_s`` use the rules."""
         return ((RULES_FROM_S, repr(from_s)), (RULES, self.text))
 
-    def adopted(self, adopt: Callable[[FearRules], None]) -> tuple[Health, str]:
+    def apply(self, adopt: Callable[[FearRules], None]) -> tuple[Health, str]:
         """Pass good rules to ``adopt``; return health and message for the diagnostics topic."""
         error = self.error
         if self.rules is not None:

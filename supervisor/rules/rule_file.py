@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from supervisor.rules.shapes import Compiled, FuzzySet, compile_set, polyline
+from supervisor.rules.shapes import CompiledSet, FuzzySet, compile_set, polyline
 from trepid.causes import Cause, known_causes, unknown_cause
 from trepid.config import CONFIG_DIR, Settings, json_schema, wrong_at
 from trepid.messages import Mode
@@ -174,7 +174,7 @@ class Input(Settings):
             raise ValueError(f"range must rise, got {list(self.range)}")
         for level in LEVELS:
             try:
-                shape, error = _compiled(getattr(self.sets, level), self.range, self.tolerance)
+                shape, error = _compile_set(getattr(self.sets, level), self.range, self.tolerance)
             except ValueError as problem:
                 raise wrong_at(("sets", level), str(problem)) from problem
             self._shapes[level] = shape
@@ -204,14 +204,14 @@ class Input(Settings):
         return self._errors
 
 
-def _compiled(spec: SetSpec, span: Two, tolerance: float) -> Compiled:
+def _compile_set(spec: SetSpec, span: Two, tolerance: float) -> CompiledSet:
     """The set as straight lines over the range ``span``. Raises ValueError."""
     if isinstance(spec, tuple):
-        return Compiled(FuzzySet(*_feet_and_shoulders(spec)), 0.0)
+        return CompiledSet(FuzzySet(*_feet_and_shoulders(spec)), 0.0)
     if spec.function in ("trimf", "trapmf"):
-        return Compiled(FuzzySet(*_feet_and_shoulders(spec.parameters)), 0.0)
+        return CompiledSet(FuzzySet(*_feet_and_shoulders(spec.parameters)), 0.0)
     if spec.function == "polyline":
-        return Compiled(polyline(spec.parameters), 0.0)
+        return CompiledSet(polyline(spec.parameters), 0.0)
     return compile_set(spec.function, spec.parameters, span, tolerance)
 
 

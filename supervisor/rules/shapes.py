@@ -33,9 +33,9 @@ class FuzzySet(NamedTuple):
         if self.b <= x <= self.c:
             return 1.0
         if self.a < x < self.b:
-            return curved((x - self.a) / (self.b - self.a), self.rise)
+            return curve_degree((x - self.a) / (self.b - self.a), self.rise)
         if self.c < x < self.d:
-            return curved((self.d - x) / (self.d - self.c), self.fall)
+            return curve_degree((self.d - x) / (self.d - self.c), self.fall)
         return 0.0
 
     def corners(self) -> list[tuple[float, float]]:
@@ -45,7 +45,7 @@ class FuzzySet(NamedTuple):
         return [*rise, *dict.fromkeys([(self.b, 1.0), (self.c, 1.0)]), *reversed(fall)]
 
 
-def curved(s: float, knots: Knots) -> float:
+def curve_degree(s: float, knots: Knots) -> float:
     """Degree at ``s`` in 0..1 of the edge through (0, 0), ``knots`` and (1, 1); it never falls as ``s`` rises.
 
     Between two knots the degree is d0 + (s - s0) (d1 - d0) / (s1 - s0), cut at d1: each operation keeps order, and
@@ -59,12 +59,12 @@ def curved(s: float, knots: Knots) -> float:
     return min(d0 + (s - s0) * ((d1 - d0) / (s1 - s0)), d1)
 
 
-def mirrored(knots: Knots) -> Knots:
+def mirror_knots(knots: Knots) -> Knots:
     """The knots of the complement of an edge, which rises where the edge falls."""
     return tuple((1.0 - s, 1.0 - degree) for s, degree in reversed(knots))
 
 
-class Compiled(NamedTuple):
+class CompiledSet(NamedTuple):
     """A set, and the greatest difference in degree to the function that it replaces."""
 
     shape: FuzzySet
@@ -117,7 +117,7 @@ def _knots(corners: list[tuple[float, float]], shoulder: float) -> tuple[float, 
 
 def compile_set(
     function: str, parameters: tuple[float, ...], span: tuple[float, float], tolerance: float
-) -> Compiled:
+) -> CompiledSet:
     """scikit-fuzzy's ``function`` over the range ``span`` as straight lines within ``tolerance`` in degree.
 
     Raises ValueError where the function does not rise once to 1 and fall once, or an edge is too steep.
@@ -145,7 +145,7 @@ def compile_set(
         raise ValueError(
             f"{function}: an edge is too steep to be compiled within {tolerance:g} (error {error:.2g})"
         )
-    return Compiled(shape, error)
+    return CompiledSet(shape, error)
 
 
 def _edge(x: Column, y: Column, tolerance: float) -> tuple[float, Knots]:
@@ -160,11 +160,11 @@ def _edge(x: Column, y: Column, tolerance: float) -> tuple[float, Knots]:
         x, y = np.concatenate([[2 * x[0] - x[-1]], x]), np.concatenate([[0.0], y])
     y[-1] = 1.0
     s = (x - x[0]) / (x[-1] - x[0])
-    kept = _simplified(s, y, tolerance / 2)
+    kept = _simplify(s, y, tolerance / 2)
     return float(x[0]), tuple((float(s[i]), float(y[i])) for i in kept[1:-1])
 
 
-def _simplified(s: Column, y: Column, tolerance: float) -> list[int]:
+def _simplify(s: Column, y: Column, tolerance: float) -> list[int]:
     """Indices of the corners of a polyline within ``tolerance`` of (s, y) (Ramer, Douglas and Peucker, 1973)."""
     kept = [0, len(s) - 1]
     spans = [(0, len(s) - 1)]

@@ -52,23 +52,23 @@ class Verdict:
 def verify(rules: FearRules) -> Verdict:
     """Check ``rules`` for holes, monotony, reach, missing inputs and idle or void parts."""
     if rules.file.method == "mamdani":
-        return Verdict((*_unnamed(rules), *_tried(rules)), (), {})
-    problems = [*_unnamed(rules), *_idle(rules), *_reach(rules), *_lost(rules), *_silent(rules)]
+        return Verdict((*_unused_names(rules), *_sampled_failures(rules)), (), {})
+    problems = [*_unused_names(rules), *_idle(rules), *_reach(rules), *_lost(rules), *_silent(rules)]
     problems += [
-        f"contradicts {_quoted(b)}, which counts instead: {a.text}" for a, b in contradictions(rules)
+        f"contradicts {_quote_rule(b)}, which counts instead: {a.text}" for a, b in contradictions(rules)
     ]
     notes = [*_idle_conditions(rules)]
-    notes += [f"adds nothing to {_quoted(b)}: {a.text}" for a, b in repetitions(rules)]
+    notes += [f"adds nothing to {_quote_rule(b)}: {a.text}" for a, b in repetitions(rules)]
     return Verdict(tuple(problems), tuple(notes), lipschitz(rules))
 
 
 def load_verified(path: Path) -> FearRules:
     """The rules in the file at ``path``, fit to drive. Raises InputError with the first thing that is wrong."""
-    return _verified(path, config.read_text(path))
+    return _verify(path, config.read_text(path))
 
 
 @lru_cache(maxsize=16)
-def _verified(path: Path, _: str) -> FearRules:
+def _verify(path: Path, _: str) -> FearRules:
     """Cached by content, because every run of a sweep loads the same rules."""
     rules = FearRules.load(path)
     problems = verify(rules).problems
@@ -85,7 +85,7 @@ def place(path: Path, problem: str, rules: FearRules) -> str:
     return f"{line}:{column}"
 
 
-def _quoted(rule: Rule) -> str:
+def _quote_rule(rule: Rule) -> str:
     return f"'{rule.text}'"
 
 
@@ -96,7 +96,7 @@ def _silent(rules: FearRules) -> Iterator[str]:
         yield f"coverage cannot be proven: {error}"
         return
     if point is not None:
-        yield f"no rule fires at {_shown(rules, point)}"
+        yield f"no rule fires at {_point_text(rules, point)}"
 
 
 def _reach(rules: FearRules) -> Iterator[str]:
@@ -113,7 +113,7 @@ def _lost(rules: FearRules) -> Iterator[str]:
             yield f"fear is not 1 when {name} is missing"
 
 
-def _unnamed(rules: FearRules) -> Iterator[str]:
+def _unused_names(rules: FearRules) -> Iterator[str]:
     named = frozenset().union(*(rule.inputs for rule in rules.rules))
     yield from (f"no rule contains {name}" for name in rules.names if name not in named)
     silent = [name for name, voice in rules.trust_voices.items() if not voice.rules]
@@ -165,7 +165,7 @@ def _holds(rule: Rule, rules: FearRules, point: Point) -> bool:
     return any(all((x[ramp.input] - ramp.zero) / ramp.span > 0 for ramp in case) for case in ramps)
 
 
-def _tried(rules: FearRules) -> Iterator[str]:
+def _sampled_failures(rules: FearRules) -> Iterator[str]:
     """Failures of Mamdani's method: reach, first point without a rule, first fall of fear, on samples."""
     yield from _reach(rules)
     points = list(_points(rules))
@@ -189,7 +189,7 @@ def knots(spec: Input) -> list[float]:
 def _holes(rules: FearRules, points: list[Point]) -> Iterator[str]:
     for point in points:
         if SILENT in rules.evaluate(point).texts:
-            yield f"no rule fires at {_shown(rules, point)}"
+            yield f"no rule fires at {_point_text(rules, point)}"
 
 
 def _falls(rules: FearRules, points: list[Point]) -> Iterator[str]:
@@ -198,12 +198,12 @@ def _falls(rules: FearRules, points: list[Point]) -> Iterator[str]:
         for x in knots(spec):
             fear = rules.evaluate({**point, name: x}).fear
             if fear < before:
-                where = _shown(rules, point)
+                where = _point_text(rules, point)
                 yield f"fear falls from {before:.3f} to {fear:.3f} as {name} worsens to {x:g} at {where}"
             before = fear
 
 
-def _shown(rules: FearRules, point: Point) -> str:
+def _point_text(rules: FearRules, point: Point) -> str:
     """The inputs of a point that are not calm, as text."""
     apart = [f"{name}={x:g}" for name, x in point.items() if x != rules.inputs[name].calmest]
     if not apart:

@@ -25,7 +25,7 @@ from trepid.clothoid import Motion
 from trepid.config import InputError
 from trepid.loudness import warn
 from trepid.messages import ImageStatistics
-from trepid.plugins import Group, added, part
+from trepid.plugins import Group, added_entry_points, part
 
 
 class Moment(NamedTuple):
@@ -82,7 +82,7 @@ def fear_input(*, low: float, high: float) -> Callable[[Measure], FearInput]:
 
 def added_names() -> frozenset[str]:
     """Names of the inputs of other packages. Raises InputError."""
-    return frozenset(added(Group.FEAR_INPUTS))
+    return frozenset(added_entry_points(Group.FEAR_INPUTS))
 
 
 def wrong_ranges(inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
@@ -93,7 +93,7 @@ def wrong_ranges(inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
             yield name, f"{name} has values from {found.low:g} to {found.high:g}; the range must contain them"
 
 
-def measured(names: Iterable[str], moment: Moment) -> dict[str, float | None]:
+def added_values(names: Iterable[str], moment: Moment) -> dict[str, float | None]:
     """The values of those inputs among ``names`` that other packages add."""
     return {name: found(moment) for name, found in _functions(tuple(names))}
 

@@ -12,7 +12,7 @@ from operator import attrgetter, itemgetter
 from supervisor.inputs.consistency import EdgeWay, Steadiness
 from supervisor.inputs.validation import ValidatedEstimate, surest_of_marking
 from supervisor.path.follow import Lead
-from supervisor.path.fusion import Fused
+from supervisor.path.fusion import FusionResult
 from supervisor.path.giving_way import Way
 from supervisor.rules.rule_file import FORMER_PATH_JITTER
 from supervisor.situation.added import added_names
@@ -140,7 +140,7 @@ def early_features(
     found["turn_excess"] = turn_excess_mps2
     found["lane_width"] = _narrowest_m(estimates)
     found["lane_width_error"] = _lane_width_error(estimates)
-    found["unmarked"] = _unmarked(estimates)
+    found["unmarked"] = _unmarked_degree(estimates)
     found["unmarked_way"] = edges.unmarked_m
     found["edge_doubt"] = edges.doubt
     found["lead_confidence"] = lead.confidence
@@ -169,7 +169,7 @@ def _add(found: Features, name: str, value: float | None, worst: Callable[[float
 def features(
     early: Features,
     estimates: list[ValidatedEstimate],
-    fused: Fused,
+    fused: FusionResult,
     motion: Motion | None,
     *,
     trust: Mapping[str, float],
@@ -209,7 +209,7 @@ def features(
 
 
 def _contradiction(
-    estimates: list[ValidatedEstimate], fused: Fused, speed_mps: float | None
+    estimates: list[ValidatedEstimate], fused: FusionResult, speed_mps: float | None
 ) -> tuple[float | None, float | None]:
     """Weighted disagreement [m/s²] and separation [m] of the estimates; None when one of them is broken."""
     if speed_mps is None or True in [s.broken for s in estimates]:
@@ -255,13 +255,13 @@ def _by_confidence(found: list[tuple[float, float]]) -> list[float]:
     ]
 
 
-def _unmarked(estimates: list[ValidatedEstimate]) -> float:
+def _unmarked_degree(estimates: list[ValidatedEstimate]) -> float:
     """1 where the surest estimator that distinguishes them measures edges, not lines; 0 without one."""
     surest = surest_of_marking(estimates)
     return 1.0 if surest is not None and not surest.marked else 0.0
 
 
-def _path(fused: Fused, speed_mps: float | None, enlargement: float) -> tuple[float | None, float]:
+def _path(fused: FusionResult, speed_mps: float | None, enlargement: float) -> tuple[float | None, float]:
     """Lateral acceleration on the path [m/s²] of the car's own world, and distance of the car from it [m]."""
     if fused.path is None:
         return BEYOND, BEYOND
@@ -271,7 +271,7 @@ def _path(fused: Fused, speed_mps: float | None, enlargement: float) -> tuple[fl
 
 
 def _crossing_s(
-    fused: Fused, motion: Motion | None, lane_width_m: float | None, half_width_m: float
+    fused: FusionResult, motion: Motion | None, lane_width_m: float | None, half_width_m: float
 ) -> float | None:
     """Time until a wheel crosses the edge of the lane if heading and yaw rate stay as they are [s].
 

@@ -22,7 +22,7 @@ def rating_names(
     estimates: Iterable[ValidatedEstimate], rules: FearRules, rated_as: Mapping[str, str]
 ) -> dict[str, str]:
     """The name in ``rules`` that rates each estimator."""
-    named = _named(rules.names, rules.file.estimators)
+    named = _named_estimators(rules.names, rules.file.estimators)
     return {
         e.estimator: e.estimator
         if e.estimator in named
@@ -33,7 +33,7 @@ def rating_names(
 
 def unrated_names(rules: FearRules, rated_as: Mapping[str, str]) -> Iterator[tuple[str, str]]:
     """Key and error text of every name in ``rated_as`` that ``rules`` do not rate, where they name any."""
-    named = _named(rules.names, rules.file.estimators)
+    named = _named_estimators(rules.names, rules.file.estimators)
     known = named.union(RATED_AS.values())
     for key, name in rated_as.items():
         if named and name not in known:
@@ -45,7 +45,7 @@ def near_miss(rules: FearRules, name: str) -> str:
 
     Estimators may have further names, so that a near miss is no error.
     """
-    known = _named(rules.names, rules.file.estimators).union(RATED_AS, RATED_AS.values())
+    known = _named_estimators(rules.names, rules.file.estimators).union(RATED_AS, RATED_AS.values())
     return "" if name in known else did_you_mean(name, known, otherwise="", cutoff=0.75)
 
 
@@ -64,7 +64,7 @@ def absent_values(rules: FearRules, estimators: int) -> dict[str, float | None]:
 
 
 @lru_cache(maxsize=16)
-def _named(inputs: tuple[str, ...], trusted: tuple[str, ...]) -> frozenset[str]:
+def _named_estimators(inputs: tuple[str, ...], trusted: tuple[str, ...]) -> frozenset[str]:
     """The estimators that a rule file names."""
     suffixes = {name: next(filter(name.endswith, ESTIMATOR_SUFFIXES), None) for name in inputs}
     return frozenset(name.removesuffix(s) for name, s in suffixes.items() if s).union(trusted)

@@ -18,11 +18,11 @@ from supervisor.inputs.validation import (
 )
 from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
 from supervisor.path.follow import Follower, Following, FollowSettings, Lead, judge_lead
-from supervisor.path.fusion import Fused, Fusion, FusionSettings, Path
+from supervisor.path.fusion import Fusion, FusionResult, FusionSettings, Path
 from supervisor.path.giving_way import GivingWay, GivingWaySettings, Way
 from supervisor.path.sight_speed import ReliableSight, SightSettings, SightSpeed
 from supervisor.rules.inference import FearRules
-from supervisor.situation.added import Moment, measured
+from supervisor.situation.added import Moment, added_values
 from supervisor.situation.features import BEYOND, DOUBT, Features, early_features, features
 from supervisor.situation.ratings import RATED_AS, absent_values, rating_names
 from trepid.bounds import at_least
@@ -43,7 +43,7 @@ class WorldState(NamedTuple):
     doubted: tuple[str, ...]  # fields of the newest state that do not hold
     statistics_age_s: float
     trust: dict[str, float]  # in every estimator by the rules, 0..1
-    fused: Fused
+    fused: FusionResult
     trail: Following  # of the vehicle ahead
     way: Way  # that road users leave to the car
     near: bool  # a vehicle ahead or a road user is too near for a comfort stop
@@ -126,7 +126,7 @@ class WorldStateObserver:
         valid = statistics_age_s <= limits.fresh_s and STATISTICS not in malformed
         fresh = statistics if valid else None
         frozen = self._unusable(fresh, moving)
-        seen = self._validated(estimates, now_s=now_s, frozen=frozen, malformed=malformed)
+        seen = self._validate(estimates, now_s=now_s, frozen=frozen, malformed=malformed)
         state_age_s = limits.age_s(state, now_s=now_s)
         rated = rating_names(seen, rules, self._rated_as)
         early = early_features(
@@ -145,7 +145,7 @@ class WorldStateObserver:
             absent=absent_values(rules, len(seen)),
         )
         now = Moment(tuple(seen), fresh, ahead, motion, early, now_s)
-        early = measured(rules.names, now) | early  # Trepid's own inputs take precedence
+        early = added_values(rules.names, now) | early  # Trepid's own inputs take precedence
         voices = rules.trust(early)
         trust = {name: voices[rating].trust for name, rating in rated.items() if rating in voices}
         fused = self._fusion.step(seen, moving, now_s=now_s, trust=trust)
@@ -207,7 +207,7 @@ class WorldStateObserver:
             if_unknown=True,
         )
 
-    def _validated(
+    def _validate(
         self,
         estimates: Mapping[str, SteeringEstimate | None],
         *,

@@ -29,7 +29,7 @@ def commanded(broken: str | None) -> Command:
         ),
         now_s=lambda: now_s,
         ready=lambda *, values: None,
-        stepped=lambda: None,
+        count_step=lambda: None,
     )
     node = ControllerNode(me)
     for n in range(5):

@@ -26,10 +26,10 @@ def learned(real, seconds=6.0, share=0.6, noise_rad=0.0, sensor_rad=0.0, angle=w
     for n, disturbance in enumerate(noise):
         now_s = 0.01 * n
         seen_rad = car.wheel_rad + sensor_rad + disturbance
-        timing.measured(state(now_s, road_wheel_angle_rad=seen_rad, driver_override=driver))
+        timing.add_state(state(now_s, road_wheel_angle_rad=seen_rad, driver_override=driver))
         if n % 2 == 0:
             demanded = angle(now_s)
-            timing.commanded(demanded, now_s=now_s)
+            timing.add_command(demanded, now_s=now_s)
         car.step(demanded, 0.0, 0.01)
     return timing.late_s
 
@@ -84,7 +84,7 @@ def test_a_straight_road_keeps_the_estimate():
 def test_a_state_without_a_wheel_angle_or_from_the_past_changes_nothing():
     timing = SteeringTiming(ASSUMED, delay_s=0.1, share=0.5)
     for t_s, angle_rad in ((0.0, 0.1), (0.01, None), (-1.0, 0.3), (0.02, 0.1)):
-        timing.measured(state(t_s, road_wheel_angle_rad=angle_rad))
+        timing.add_state(state(t_s, road_wheel_angle_rad=angle_rad))
     assert timing.late_s == 0.0
 
 
@@ -92,5 +92,5 @@ def test_a_state_without_a_wheel_angle_or_from_the_past_changes_nothing():
 def test_commands_without_a_measured_angle_take_no_memory(share):
     timing = SteeringTiming(ASSUMED, delay_s=ASSUMED.steering_delay_s, share=share)
     for n in range(10_000):
-        timing.commanded(0.0, now_s=0.02 * n)
+        timing.add_command(0.0, now_s=0.02 * n)
     assert len(timing._coming) <= 100

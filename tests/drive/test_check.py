@@ -7,7 +7,7 @@ import pytest
 from cockpit.car.init import Like, write_car
 from drive.check import check_car, check_car_apart
 from drive.open_road import OpenRoad
-from drive.plan import planned
+from drive.plan import plan_processes
 from trepid.config import CAR, InputError
 from trepid.processes.settings import load_processes
 
@@ -20,12 +20,12 @@ def shuttle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_process_of_its_own_finds_what_the_check_finds(shuttle: Path) -> None:
-    specs = planned(load_processes(), OpenRoad())
+    specs = plan_processes(load_processes(), OpenRoad())
     assert check_car_apart(specs) == check_car(specs)
 
 
 def test_the_error_of_the_check_arrives_with_its_place(shuttle: Path) -> None:
-    specs = planned(load_processes(), OpenRoad())
+    specs = plan_processes(load_processes(), OpenRoad())
     rules = shuttle / "fear.yaml"
     rules.write_text(rules.read_text().replace("\nrules:", "\nrulse:", 1))
     errors = []

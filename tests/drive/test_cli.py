@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from rich.console import Console
 
-from drive.cli import say, shown, status, summary
+from drive.cli import say, show_drive, status, summary
 from trepid.messages import Diagnostic, Health
 
 KEPT = "old rules kept: fear.yaml:3:5: no such input"
@@ -23,7 +23,7 @@ def test_without_a_terminal_each_new_warning_of_a_process_is_one_line(capsys):
         (Health.WARN, KEPT),
     ]
     lines = []
-    with shown(dashboard=False) as show:
+    with show_drive(dashboard=False) as show:
         for number, (health, message) in enumerate(beats):
             beat = Diagnostic(t_s=0.0, process="supervisor", health=health, message=message, values=())
             log.diagnostics["supervisor"] = beat

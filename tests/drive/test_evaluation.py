@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from message_rig import decision
 
-from drive.evaluation import evaluated
+from drive.evaluation import evaluate
 from drive.log import DriveLog
 from drive.open_road import OpenRoad
 from trepid.bus import free_endpoint, open_bus
@@ -37,7 +37,7 @@ def summary_of(*, waits_for: str, said: str = "", speed_mps: float = 0.0) -> dic
             )
         log.receive(timeout_s=0.0)
         fleet: Any = SimpleNamespace(children={})
-        return evaluated(log, fleet, OpenRoad(), seed=0, elapsed_s=2.0, problems=[], notes=["a note"])
+        return evaluate(log, fleet, OpenRoad(), seed=0, elapsed_s=2.0, problems=[], notes=["a note"])
 
 
 @pytest.mark.parametrize(("said", "waits_for"), [("", WAITS), (STOPPED, STOPPED)])

@@ -73,5 +73,5 @@ def test_the_launcher_goes_on_after_a_heartbeat_without_the_usual_values():
             send(Diagnostic(t_s=1.0, process=process, health=Health.OK, message="fine", values=values))
         log.receive(timeout_s=0.0)
         overview.publish(Health.OK, "driving")
-    assert log.malformed("horn") == 2
+    assert log.malformed_count("horn") == 2
     assert log.loads.of("horn") == {"rate_hz": None, "cpu_percent": None}

@@ -9,7 +9,7 @@ from driving_network_rig import write_network
 from cockpit.car.init import Like, write_car
 from drive.check import check_car
 from drive.open_road import OpenRoad
-from drive.plan import context_of, networks_in, planned
+from drive.plan import context_of, networks_in, plan_processes
 from perception.lead.finder import check_lead
 from sim_harness.live.course import ScenarioCourse
 from sim_harness.scenarios.scenario import load_scenario
@@ -42,7 +42,7 @@ def test_the_detector_of_drawn_vehicles_is_refused_with_a_real_camera_only(shutt
     lead = replace(specs[0], name="lead", module="perception.lead.node", publishes=("perception/lead",))
     with pytest.raises(InputError, match=r"lead\.yaml:\d+:\d+: detector: .*trepid detector list"):
         check_lead((*specs, lead))
-    check_lead(planned((*specs, lead), ScenarioCourse(load_scenario("straight"))))
+    check_lead(plan_processes((*specs, lead), ScenarioCourse(load_scenario("straight"))))
     (shuttle / "lead.yaml").write_text("detector: objectron\n")
     check_lead((*specs, lead))
 
@@ -52,7 +52,7 @@ def test_a_driving_network_is_one_line_of_the_processes_of_a_car(shuttle: Path) 
     file = shuttle / "processes.yaml"
     line = "  mine: {module: perception.node, options: {estimator: mine, network: turn.onnx}}\n"
     file.write_text(file.read_text().replace("processes:\n", f"processes:\n{line}", 1))
-    specs = planned(load_processes(), OpenRoad())
+    specs = plan_processes(load_processes(), OpenRoad())
     assert "mine" in OpenRoad().estimators(specs)
     assert networks_in(specs) == {"mine": str(shuttle / "turn.onnx")}
     check_car(specs)
@@ -63,10 +63,10 @@ def test_a_driving_network_is_one_line_of_the_processes_of_a_car(shuttle: Path) 
 
 def test_chosen_estimators_replace_those_of_the_car_and_run_as_perception_processes(tmp_path: Path) -> None:
     network = str(tmp_path / "turn.onnx")
-    specs = planned(load_processes(), OpenRoad(chosen={"cv": None, "turn": network}))
+    specs = plan_processes(load_processes(), OpenRoad(chosen={"cv": None, "turn": network}))
     assert OpenRoad().estimators(specs) == ("cv", "turn")
     (turn,) = [spec for spec in specs if spec.name == "turn"]
     assert turn.options == {"statistics": False, "estimator": "turn", "network": network}
     assert context_of(OpenRoad(), ("cv", "turn"), 0, networks_in(specs))["networks"] == {"turn": network}
-    alone = planned(load_processes(), OpenRoad(chosen={"turn": network}))
+    alone = plan_processes(load_processes(), OpenRoad(chosen={"turn": network}))
     assert [spec.options["statistics"] for spec in alone if spec.estimators] == [True]

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from message_rig import decision
 
-from drive.reason import DRIVER, NO_DECISION, STOPS, fired, reason
+from drive.reason import DRIVER, NO_DECISION, STOPS, fired_rules, reason
 from trepid.causes import CAUSES, IN_WORDS, Cause, in_words
 from trepid.messages import Command, Limit, Mode, Stop
 
@@ -97,12 +97,12 @@ def test_several_missing_inputs_are_one_row_with_the_cause_and_the_strength_1() 
         "if a is b then c",
     )
     lost = decision(0.0, cause="stale_data", rules=rules, rule_strengths=(1.0, 1.0, 0.5))
-    assert fired(lost) == [
+    assert fired_rules(lost) == [
         ("missing inputs (no new image): lane_confidence, jitter", 1.0),
         ("if a is b then c", 0.5),
     ]
     alone = replace(lost, rules=rules[1:], rule_strengths=(1.0, 0.5))
-    assert fired(alone) == list(zip(alone.rules, alone.rule_strengths, strict=True))
+    assert fired_rules(alone) == list(zip(alone.rules, alone.rule_strengths, strict=True))
 
 
 def test_a_driver_comes_before_all_and_without_a_decision_that_is_said() -> None:

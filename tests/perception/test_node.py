@@ -46,7 +46,7 @@ def running(*, statistics: bool = False) -> tuple[EstimatorNode, Frames, list[tu
         options={"estimator": "cv", "statistics": statistics},
         now_s=lambda: 5.01,
         ready=lambda: None,
-        stepped=lambda: None,
+        count_step=lambda: None,
         alive=lambda: None,
     )
     return EstimatorNode(me), frames, sent

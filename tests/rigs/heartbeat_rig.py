@@ -16,6 +16,6 @@ class RecordingBus:
         """What records a message."""
         return self.sent.append
 
-    def malformed(self) -> dict[str, int]:
+    def malformed_counts(self) -> dict[str, int]:
         """Counts by topic."""
         return dict(self.counts)

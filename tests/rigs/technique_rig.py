@@ -62,7 +62,7 @@ def bars(image, *, from_m=8.0, to_m=10.0):
 def below_horizon(image):
     """The lower part of the picture and its view, as after roi_fixed."""
     box = roi_fixed(VIEW, None, None).box
-    return np.ascontiguousarray(image[box.rows, box.columns]), VIEW.cropped(box)
+    return np.ascontiguousarray(image[box.rows, box.columns]), VIEW.crop(box)
 
 
 def straight_boundaries(offset_m=0.0, heading_rad=0.0, width_m=3.4, near_m=3.0, far_m=30.0):

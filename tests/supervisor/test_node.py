@@ -69,7 +69,7 @@ def one_decision(
         options={"estimators": ["cv", "cnn"]},
         now_s=lambda: 0.0,
         ready=lambda *, values: further.append(values),
-        stepped=lambda health, message: None,
+        count_step=lambda health, message: None,
     )
     SupervisorNode(me, build(), SimpleNamespace(take=lambda: change)).turn()  # type: ignore[arg-type]
     return sent[0], [further[0](), further[0]()]
@@ -98,7 +98,7 @@ class Idle:
             options={"estimators": ["cv"]},
             now_s=lambda: self.now_s,
             ready=lambda *, values: None,
-            stepped=lambda health, message: None,
+            count_step=lambda health, message: None,
         )
         supervisor: Any = SimpleNamespace(step=step, late_at_s=late_at_s)
         self.node = SupervisorNode(me, supervisor, SimpleNamespace(take=lambda: None))  # type: ignore[arg-type]

@@ -88,7 +88,7 @@ def test_malformed_messages_are_counted_by_topic_and_treated_as_not_received(bus
     assert commands.message is None
     assert states.message is None
     assert not states.broken
-    assert other.malformed() == {COMMAND.key: commands.malformed}
+    assert other.malformed_counts() == {COMMAND.key: commands.malformed}
 
 
 def test_an_input_is_broken_until_the_next_valid_message_arrives(buses: tuple[Bus, Bus]) -> None:

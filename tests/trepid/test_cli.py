@@ -261,9 +261,9 @@ def verbs_of_others(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[EntryPoint
     """The verbs that other packages add; none at first."""
     points: list[EntryPoint] = []
     monkeypatch.setattr(plugins, "entry_points", lambda group: points)
-    plugins.added.cache_clear()
+    plugins.added_entry_points.cache_clear()
     yield points
-    plugins.added.cache_clear()
+    plugins.added_entry_points.cache_clear()
 
 
 def test_a_verb_of_the_laboratory_says_how_to_install_it_where_it_is_missing(

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trepid.clothoid import Lane, Motion, advanced, lane_after
+from trepid.clothoid import Lane, Motion, advance_clothoid, lane_after
 from trepid.messages import SteeringEstimate
 
 unit = st.floats(-1.0, 1.0)
@@ -35,7 +35,7 @@ def mirrored(one: Lane) -> Lane:
 
 def by_arc(lane: Lane, motion: Motion, dt_s: float) -> Lane:
     way_m, turned_rad = motion.speed_mps * dt_s, motion.yaw_rate_radps * dt_s
-    moved = advanced(*lane[:4], way_m=way_m, turned_rad=turned_rad, sin=math.sin)
+    moved = advance_clothoid(*lane[:4], way_m=way_m, turned_rad=turned_rad, sin=math.sin)
     return Lane(*moved, lane.curvature_rate_1pm2)
 
 
@@ -82,7 +82,7 @@ def test_a_message_without_one_of_its_numbers_has_no_lane(field):
 
 @given(lane=lanes, x=st.floats(-5, 20), further=st.floats(-5, 10))
 def test_a_lane_expressed_from_another_place_is_the_same_curve(lane, x, further):
-    moved = lane.seen_from(x, 0.2)
+    moved = lane.in_frame_at(x, 0.2)
     assert -moved.heading_rad == pytest.approx(lane.slope_at(x), abs=1e-12)
     assert moved.y_m(further) == pytest.approx(lane.y_m(x + further) - 0.2, abs=1e-9)
 

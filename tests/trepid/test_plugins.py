@@ -18,9 +18,9 @@ def thermal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.syspath_prepend(tmp_path)
     point = EntryPoint("thermal", "thermal_of_a_test:Thermal", Group.CAMERAS)
     monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
-    plugins.added.cache_clear()
+    plugins.added_entry_points.cache_clear()
     yield tmp_path / "thermal_of_a_test.py"
-    plugins.added.cache_clear()
+    plugins.added_entry_points.cache_clear()
     sys.modules.pop("thermal_of_a_test", None)
 
 

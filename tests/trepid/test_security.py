@@ -6,7 +6,7 @@ import pytest
 
 from trepid.bus import free_endpoint, open_bus
 from trepid.config import CAR, InputError
-from trepid.processes.settings import load_processes, published_by
+from trepid.processes.settings import load_processes, published_keys
 from trepid.security import (
     LAUNCHER,
     OBSERVER,
@@ -123,6 +123,6 @@ def test_what_no_rule_allows_is_denied() -> None:
 
 
 def test_commands_decisions_images_and_states_have_one_publisher_in_a_drive() -> None:
-    publishes = published_by(load_processes())
+    publishes = published_keys(load_processes())
     for key in ("controller/command", "supervisor/decision", "camera/image", "vehicle/state"):
         assert [role for role, topics in publishes.items() if key in topics] == [key.split("/")[0]]

@@ -92,7 +92,7 @@ class Camera(Settings):
         reach = self.height_m / np.where(ray[2] < -1e-9, -ray[2], np.nan)
         return np.column_stack([self.x_m + reach * ray[0], self.y_m + reach * ray[1]])
 
-    def resized(self, width_px: int, height_px: int) -> "Camera":
+    def resize(self, width_px: int, height_px: int) -> "Camera":
         """The same camera with its image resized as ``cv2.resize`` does it.
 
         Whole numbers are the centres of pixels, and the corner of the image, at (−½, −½), stays where it is:

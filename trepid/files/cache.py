@@ -24,7 +24,7 @@ def cache_file(folder: str, key: str, suffix: str) -> Path | None:
     return top / "trepid" / folder / f"{hashlib.sha256(key.encode()).hexdigest()[:DIGITS]}{suffix}"
 
 
-def kept(path: Path | None) -> bytes:
+def cached_content(path: Path | None) -> bytes:
     """The content of a file; empty where it cannot be read."""
     try:
         return b"" if path is None else path.read_bytes()

@@ -35,7 +35,7 @@ class UndecodableText(ValueError):
         self.line, self.column, self.problem = line, column, problem
 
 
-def decoded(data: bytes, *, windows: bool = False, broken_bytes: bool = False) -> str:
+def decode_text(data: bytes, *, windows: bool = False, broken_bytes: bool = False) -> str:
     """The text in ``data``, without its byte order mark. Raises UndecodableText.
 
     ``windows``: what is not UTF-8 is Windows-1252. ``broken_bytes``: bytes that are no UTF-8 become lone
@@ -69,7 +69,7 @@ def mark_and_encoding(data: bytes) -> tuple[bytes, str]:
 
 
 def is_broken(line: str) -> bool:
-    """Whether ``line`` holds bytes that are no UTF-8 (``broken_bytes`` of :func:`decoded`)."""
+    """Whether ``line`` holds bytes that are no UTF-8 (``broken_bytes`` of :func:`decode_text`)."""
     try:
         line.encode()
     except UnicodeEncodeError:

@@ -11,7 +11,7 @@ import sys
 import lark
 from lark import Lark
 
-from trepid.files.cache import cache_file, keep, kept
+from trepid.files.cache import cache_file, cached_content, keep
 
 _HASH_BYTES = hashlib.sha256().digest_size
 
@@ -23,7 +23,7 @@ def lalr(grammar: str, *, placeholders: bool = True, positions: bool = False) ->
     """
     options = dict(parser="lalr", maybe_placeholders=placeholders, propagate_positions=positions)
     path = cache_file("grammars", repr((grammar, options, lark.__version__, sys.version_info[:3])), ".lark")
-    tables = kept(path)
+    tables = cached_content(path)
     if hashlib.sha256(tables[_HASH_BYTES:]).digest() == tables[:_HASH_BYTES]:
         return Lark.load(io.BytesIO(tables[_HASH_BYTES:]))
     parser = Lark(grammar, **options)

@@ -23,7 +23,7 @@ class JpegEncoder:
 
     def __init__(self, *, rate_hz: float | None = None, budget_kb_per_s: float = BUDGET_KB_PER_S) -> None:
         """``rate_hz``: the highest rate; None: every frame."""
-        self._thinned = Thinned(rate_hz)
+        self._thinned = RateFilter(rate_hz)
         self._bytes_per_s = 1e3 * budget_kb_per_s
         self._left = SAVED_S * self._bytes_per_s  # of the budget [B]
         self._last_s = -math.inf
@@ -39,14 +39,14 @@ class JpegEncoder:
         self._left = min(self._left + share, SAVED_S * self._bytes_per_s)
         if self._left < 0.0:
             return None
-        jpeg = encoded(frame, self.quality)
+        jpeg = encode_jpeg(frame, self.quality)
         self._left -= len(jpeg.jpeg)
         change = -DOWN if len(jpeg.jpeg) > share else UP if len(jpeg.jpeg) < ROOM * share else 0
         self.quality = min(max(self.quality + change, LEAST), BEST)
         return jpeg
 
 
-class Thinned:
+class RateFilter:
     """Which frames pass at a given highest rate."""
 
     def __init__(self, rate_hz: float | None) -> None:
@@ -62,7 +62,7 @@ class Thinned:
         return True
 
 
-def encoded(frame: Frame, quality: int = BEST) -> CompressedFrame:
+def encode_jpeg(frame: Frame, quality: int = BEST) -> CompressedFrame:
     """``frame`` as JPEG."""
     _, jpeg = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return CompressedFrame(t_s=frame.t_s, jpeg=jpeg.tobytes())

@@ -16,7 +16,7 @@ from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 
 from trepid.bus import free_endpoint
-from trepid.config import CONFIG_DIR, InputError, located, read
+from trepid.config import CONFIG_DIR, InputError, fault_line, read
 from trepid.processes.register import folder
 from trepid.security import drive_endpoint, refuse_open_endpoints
 
@@ -37,7 +37,7 @@ def listening(host: str, port: int) -> socket.socket:
     return bound
 
 
-def bound(host: str, port: int) -> int:
+def free_port(host: str, port: int) -> int:
     """``port`` of ``host``, or with 0 a free one, where nothing listens. Raises OSError."""
     with listening(host, port) as probe:
         if port:
@@ -45,13 +45,13 @@ def bound(host: str, port: int) -> int:
         return int(probe.getsockname()[1])
 
 
-def reserved(host: str, port: int) -> int:
+def reserve_port(host: str, port: int) -> int:
     """``port`` of ``host``, which is free and stays reserved until this process ends. Raises OSError."""
     if port in _held or not port:
-        return bound(host, port)
+        return free_port(host, port)
     with ExitStack() as held:
         _reserve(port, held)
-        found = bound(host, port)
+        found = free_port(host, port)
         _held[port] = held.pop_all()
     return found
 
@@ -90,7 +90,7 @@ def usable_endpoint() -> str:
             raise _wrong_listen(str(error)) from error
     host, _, port = endpoint.partition("/")[2].rpartition(":")
     try:
-        reserved(host.strip("[]"), int(port))
+        reserve_port(host.strip("[]"), int(port))
     except OSError as error:
         what = f"{endpoint} cannot be used: {error.strerror}; give another HOST:PORT, or null for a free port"
         raise _wrong_listen(what) from error
@@ -140,4 +140,4 @@ def _check_shared_memory(folder: Path) -> None:
 
 def _wrong_listen(what: str) -> InputError:
     file = CONFIG_DIR / "security.yaml"
-    return InputError(located(("listen",), what, read(file), file))
+    return InputError(fault_line(("listen",), what, read(file), file))

@@ -1,7 +1,7 @@
 """Several nodes in one process: the same steps, with neither the wire nor a change of process between them.
 
 Entries of ``processes.yaml`` with the same value of ``together`` become one process of that name
-(:func:`gathered`); its nodes take turns in the order of the file. A message from one node of the process to
+(:func:`gather_specs`); its nodes take turns in the order of the file. A message from one node of the process to
 another is handed over as it is; others hear it over Zenoh. The nodes share one heartbeat. They also share their
 end: an error in one ends all of them, and the vehicle process then stops the car. The process that publishes
 ``vehicle/state`` holds the limiter and is therefore never shared.
@@ -21,7 +21,7 @@ from trepid.config import InputError, Settings
 from trepid.messages import Health
 from trepid.processes.process import Process, Values, process
 from trepid.processes.realtime import OPTION
-from trepid.processes.settings import RESERVED, ProcessSpec, missing_module, module_spec, published_by
+from trepid.processes.settings import RESERVED, ProcessSpec, missing_module, module_spec, published_keys
 from trepid.processes.turns import NodeModule, repeat
 
 FUSED = "trepid.processes.fused"
@@ -37,7 +37,7 @@ class FusedNode(Settings):
     options: dict[str, Any] = Field(default_factory=dict)
 
 
-def gathered(specs: Iterable[ProcessSpec]) -> tuple[ProcessSpec, ...]:
+def gather_specs(specs: Iterable[ProcessSpec]) -> tuple[ProcessSpec, ...]:
     """``specs`` with one process in place of those that share the value of ``together``.
 
     It is treated as the first of them is. Raises InputError for a program whose node cannot share a process, and
@@ -61,7 +61,7 @@ def gathered(specs: Iterable[ProcessSpec]) -> tuple[ProcessSpec, ...]:
         found[spec.together] = replace(
             whole,
             options={"nodes": [*whole.options["nodes"], node]},
-            publishes=(*whole.publishes, *published_by([spec])[spec.name]),
+            publishes=(*whole.publishes, *published_keys([spec])[spec.name]),
         )
     return tuple(found.values())
 
@@ -95,9 +95,9 @@ class Heartbeats:
     def part(self, spec: FusedNode) -> Process:
         """The interface of the process for the node ``spec``."""
 
-        def stepped(health: Health = Health.OK, message: str = "") -> None:
+        def count_step(health: Health = Health.OK, message: str = "") -> None:
             self._states[spec.name] = health, message
-            self._me.stepped(*self._state())
+            self._me.count_step(*self._state())
 
         def alive(health: Health = Health.OK, message: str = "") -> None:
             self._states[spec.name] = health, message
@@ -111,7 +111,7 @@ class Heartbeats:
             now_s=self._me.now_s,
             running=self._me.running,
             ready=lambda *, values=tuple: self._values.append(values),
-            stepped=stepped,
+            stepped=count_step,
             alive=alive,
         )
         return cast(Process, part)

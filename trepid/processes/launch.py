@@ -28,7 +28,7 @@ from typing import IO, Any
 from trepid.clock import epoch_clock
 from trepid.config import BAD_INPUT, ROOT, InputError, car_folder
 from trepid.processes.process import ASSIGNMENT, STOP_S, Assignment
-from trepid.processes.settings import ProcessSpec, Restart, published_by, working_folder
+from trepid.processes.settings import ProcessSpec, Restart, published_keys, working_folder
 
 KEPT_BYTES = 65_536
 LONGEST_BYTES = 4 * KEPT_BYTES
@@ -130,7 +130,7 @@ class Fleet:
             vehicle_name=vehicle_name,
             connect=endpoint,
             clock_offset_ns=clock_offset_ns,
-            publishes=published_by(specs),
+            publishes=published_keys(specs),
         )
         self._now_s = epoch_clock(clock_offset_ns)
         self._specs = specs

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from trepid.config import CONFIG_DIR, InputError, located, read
-from trepid.processes.endpoint import bound, reserved
+from trepid.config import CONFIG_DIR, InputError, fault_line, read
+from trepid.processes.endpoint import free_port, reserve_port
 from trepid.processes.register import folder, folders
 from trepid.security import certificate, load_security, on_loopback, private_key
 
@@ -39,7 +39,7 @@ class PageDoor:
             return None
         keys = load_security().folder
         if keys is None:
-            raise _refused(self.host)
+            raise _missing_keys(self.host)
         return certificate(keys, PAGE), private_key(keys, PAGE)
 
     @property
@@ -57,13 +57,13 @@ def page_door(host: str, port: int, *, only: bool = False) -> PageDoor:
     """
     door = PageDoor(host, port, page_token())
     if door.tls and load_security().folder is None:
-        raise _refused(host)
+        raise _missing_keys(host)
     with suppress(OSError):
-        return PageDoor(host, reserved(host, port), door.token)
+        return PageDoor(host, reserve_port(host, port), door.token)
     if only:
         raise InputError(f"--page {port}: the port is in use at {host}; choose another, or leave --page out")
     try:
-        return PageDoor(host, bound(host, 0), door.token)
+        return PageDoor(host, free_port(host, 0), door.token)
     except OSError as error:
         raise _wrong_host(f"{host} cannot be used: {error.strerror}; 127.0.0.1 is this machine") from error
 
@@ -73,8 +73,8 @@ def foxglove_port(port: int) -> int:
     if find_spec("foxglove") is None:
         raise InputError("--foxglove needs the SDK of Foxglove: pip install 'trepid[foxglove]'")
     with suppress(OSError):
-        return reserved("127.0.0.1", port)
-    return bound("127.0.0.1", 0)
+        return reserve_port("127.0.0.1", port)
+    return free_port("127.0.0.1", 0)
 
 
 def page_token() -> str:
@@ -108,11 +108,11 @@ def _local(host: str) -> bool:
     return on_loopback(f"tcp/{host}:0")
 
 
-def _refused(host: str) -> InputError:
+def _missing_keys(host: str) -> InputError:
     remedy = "`trepid keys create DIR` makes them, `keys: DIR` in security.yaml of the car uses them"
     return _wrong_host(f"{host}: the page leaves this machine without keys; {remedy}")
 
 
 def _wrong_host(what: str) -> InputError:
     file = CONFIG_DIR / "drive.yaml"
-    return InputError(located(("page_host",), what, read(file), file))
+    return InputError(fault_line(("page_host",), what, read(file), file))

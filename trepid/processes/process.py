@@ -99,7 +99,7 @@ class Process:
         if self._refused:
             self.beat(Health.WARN, "")
 
-    def stepped(self, health: Health = Health.OK, message: str = "") -> None:
+    def count_step(self, health: Health = Health.OK, message: str = "") -> None:
         """Count one step; publish the heartbeat once a second and at every change."""
         self._steps += 1
         self.alive(health, message)
@@ -107,7 +107,7 @@ class Process:
     def alive(self, health: Health = Health.OK, message: str = "") -> None:
         """Publish the heartbeat if it is due, if health or message changed, or at malformed messages."""
         changed = (health, message) != self._reported
-        newly_malformed = not self._warned and self.bus.malformed() != self._malformed
+        newly_malformed = not self._warned and self.bus.malformed_counts() != self._malformed
         if changed or newly_malformed or time.monotonic() - self._beat_s >= HEARTBEAT_PERIOD_S:
             self.beat(health, message)
 
@@ -118,7 +118,7 @@ class Process:
         number of malformed messages so far by topic as ``malformed <key>``.
         """
         self._reported = (health, message)
-        malformed = self.bus.malformed()
+        malformed = self.bus.malformed_counts()
         new = [key for key, count in malformed.items() if count != self._malformed.get(key)]
         self._malformed, self._warned = malformed, bool(new)
         if new:

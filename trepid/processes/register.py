@@ -85,7 +85,7 @@ def ticks(pid: int) -> int | None:
 
 
 @contextmanager
-def registered(drive: Running) -> Iterator[None]:
+def register_drive(drive: Running) -> Iterator[None]:
     """List ``drive`` while it runs. A register that cannot be written does not prevent a drive."""
     path = None
     with suppress(OSError, InputError):

@@ -23,14 +23,14 @@ from trepid.config import (
     InputError,
     Settings,
     car_folder,
-    located,
+    fault_line,
     parse,
     place,
     read,
     wrong_at,
 )
 from trepid.packages import offers_of
-from trepid.plugins import Group, added
+from trepid.plugins import Group, added_entry_points
 from trepid.processes.realtime import OPTION, PRIORITIES
 from trepid.security import AUTHORITY, OBSERVER
 from trepid.spelling import did_you_mean
@@ -281,7 +281,7 @@ def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:
 
 
 def _refuse(path: Sequence[str | int], problem: str, data: CommentedMap) -> NoReturn:
-    raise InputError(located(path, problem, data, FILE))
+    raise InputError(fault_line(path, problem, data, FILE))
 
 
 def check_vehicle(specs: Iterable[ProcessSpec]) -> None:
@@ -310,8 +310,10 @@ def missing_program(entry: ProcessSettings) -> str:
         return problem
     if entry.command is not None and not _command_exists(entry.command[0]):
         return f"no program {entry.command[0]!r}; install it, or give its whole path"
-    if entry.entry_point is not None and entry.entry_point not in added(Group.PROCESSES):
-        hint = did_you_mean(entry.entry_point, added(Group.PROCESSES).keys(), "no installed package adds one")
+    if entry.entry_point is not None and entry.entry_point not in added_entry_points(Group.PROCESSES):
+        hint = did_you_mean(
+            entry.entry_point, added_entry_points(Group.PROCESSES).keys(), "no installed package adds one"
+        )
         return f"no entry point {entry.entry_point!r} in the group {Group.PROCESSES}; {hint}"
     return ""
 
@@ -351,16 +353,16 @@ def module_spec(name: str) -> ModuleSpec | None:
         sys.path[:] = before
 
 
-def published_by(specs: Iterable[ProcessSpec]) -> dict[str, tuple[str, ...]]:
+def published_keys(specs: Iterable[ProcessSpec]) -> dict[str, tuple[str, ...]]:
     """Keys of the topics that each process may publish, by its name, for the access control of Zenoh.
 
     These are the topics in ``processes.yaml``, the image statistics of the estimator that judges the image, and the
     vehicle ahead and the road users where the simulated car gives them.
     """
-    return {spec.name: (*spec.publishes, *_implied(spec)) for spec in specs}
+    return {spec.name: (*spec.publishes, *_implied_keys(spec)) for spec in specs}
 
 
-def _implied(spec: ProcessSpec) -> tuple[str, ...]:
+def _implied_keys(spec: ProcessSpec) -> tuple[str, ...]:
     judges = (IMAGE_STATISTICS.key,) if spec.options.get("statistics") else ()
     sensed = (LEAD_VEHICLE.key, ROAD_USERS.key) if SIM_TRUTH.key in spec.publishes else ()
     return (*judges, *sensed)

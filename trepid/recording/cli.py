@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from trepid.recording.ring import joined, kept_name, ring_of, secured
+from trepid.recording.ring import join_secured_parts, kept_name, ring_of, secure_parts
 from trepid.recording.writer import check_recording
 
 app = typer.Typer(no_args_is_help=True)
@@ -30,7 +30,7 @@ def keep(
     """Keep the last minutes of the running drive, or of the last one, as one recording, and print its name."""
     if out is not None:
         check_recording(out)
-    safe = secured(ring_of(endpoint))
+    safe = secure_parts(ring_of(endpoint))
     path = kept_name("by-hand", now_s=time.time()) if out is None else out
-    joined(safe, path)
+    join_secured_parts(safe, path)
     print(path)

@@ -13,7 +13,7 @@ from trepid.wire import to_cdr
 RULES_NAME = "fear.yaml"
 
 
-def copied(
+def copy_recording(
     source: Path,
     out: Path,
     replaced: Mapping[str, Mapping[float, Any]],

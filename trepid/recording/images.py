@@ -51,7 +51,7 @@ def recorded_images(path: Path) -> RecordedImages | None:
     return None
 
 
-def decoded(message: Frame | CompressedFrame) -> Image | None:
+def decode_image(message: Frame | CompressedFrame) -> Image | None:
     """The image of a message; None for a JPEG that cannot be decoded."""
     if isinstance(message, Frame):
         return message.image

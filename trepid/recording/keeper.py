@@ -6,7 +6,7 @@ from trepid.config import InputError
 from trepid.messages import Decision, SimTruth, Stop, VehicleState
 from trepid.processes.drive_settings import RingSettings
 from trepid.processes.process import Process
-from trepid.recording.ring import MB, Ring, keep_apart, kept_name, size_of_kept
+from trepid.recording.ring import MB, Ring, keep_apart, kept_name, kept_size
 from trepid.recording.writer import RECORDED
 from trepid.topics import DECISION, SIM_TRUTH, VEHICLE_STATE
 
@@ -69,11 +69,11 @@ class Keeper:
 
     def began_ns(self, stamp_ns: int) -> None:
         """Note the start of the drive."""
-        self._tried(lambda ring: ring.began_ns(stamp_ns))
+        self._attempt(lambda ring: ring.began_ns(stamp_ns))
 
     def turn(self) -> None:
         """Write what has come, and keep the ring when it is due."""
-        self._tried(Ring.write)
+        self._attempt(Ring.write)
         event = self._events.step(self._decision.refresh(), self._state.refresh(), self._truth.refresh())
         now_s = self._me.now_s()
         if event is not None and not self._reason:
@@ -83,8 +83,8 @@ class Keeper:
 
     def close(self) -> None:
         """Write the rest and keep the ring if an event before the end of the drive asks for it."""
-        self._tried(Ring.write)
-        self._tried(Ring.close)
+        self._attempt(Ring.write)
+        self._attempt(Ring.close)
         now_s = self._me.now_s()
         ends = self._reason == EMERGENCY and now_s - self._event_s < ENDING_S
         if self._reason and not ends:
@@ -92,14 +92,14 @@ class Keeper:
 
     def _keep(self, now_s: float) -> None:
         reason, self._reason, self._due_s = self._reason, "", float("inf")
-        if size_of_kept() > MB * self._settings.max_kept_mb:
+        if kept_size() > MB * self._settings.max_kept_mb:
             self.problem = (
                 f"the {reason} is not kept: more than {self._settings.max_kept_mb:g} MB are kept already"
             )
         else:
-            self._tried(lambda ring: keep_apart(ring.folder, kept_name(reason, now_s=now_s)))
+            self._attempt(lambda ring: keep_apart(ring.folder, kept_name(reason, now_s=now_s)))
 
-    def _tried(self, act: Callable[[Ring], None]) -> None:
+    def _attempt(self, act: Callable[[Ring], None]) -> None:
         if self._ring is None:
             return
         try:

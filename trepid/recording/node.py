@@ -29,7 +29,7 @@ Wanted = Callable[[], bool]
 """True as long as the recording is to go on."""
 
 
-class Heard:
+class RecordingStart:
     """The start of the drive and the files of a recording that begins now, by the heartbeats so far."""
 
     def __init__(self, beats: Stream[Diagnostic], files: Mapping[str, bytes]) -> None:
@@ -55,14 +55,14 @@ def run(me: Process) -> None:
     Options: ``record``, the file; without it ``record_folder``, the folder of the recordings by the button, made at
     the first one; ``ring``, the name of the ring of the last minutes; ``raw_images``, to record them too.
     """
-    heard = Heard(me.bus.stream(DIAGNOSTICS), attached(me))
+    heard = RecordingStart(me.bus.stream(DIAGNOSTICS), attached_files(me))
     if "record" in me.options:
         record(me, free_path(Path(me.options["record"])), heard, me.running, opened=me.ready)
     else:
         record_by_button(me, heard)
 
 
-def record_by_button(me: Process, heard: Heard) -> None:
+def record_by_button(me: Process, heard: RecordingStart) -> None:
     """Record the last minutes, and while the driver input says so, each time into a file of its own."""
     driver = me.bus.latest(DRIVER_INPUT, wakes=False)
     ring = me.options.get("ring")
@@ -74,7 +74,7 @@ def record_by_button(me: Process, heard: Heard) -> None:
             keeper.turn()
         return me.running()
 
-    def wanted() -> bool:
+    def is_wanted() -> bool:
         newest = driver.refresh()
         return running() and newest is not None and newest.record
 
@@ -87,17 +87,17 @@ def record_by_button(me: Process, heard: Heard) -> None:
         if keeper is not None and not begun and heard.began_ns is not None:
             begun = True
             keeper.began_ns(heard.began_ns)
-        if wanted():
+        if is_wanted():
             path = free_path(folder / datetime.fromtimestamp(me.now_s()).strftime(NAME))
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
-                idle(me, f"{folder}: cannot be made: {error.strerror}", wanted)
+                idle(me, f"{folder}: cannot be made: {error.strerror}", is_wanted)
                 continue
-            record(me, path, heard, wanted, said=f"recording {path}")
+            record(me, path, heard, is_wanted, said=f"recording {path}")
             said = f"not recording; the last recording is {path}"
         troubled = keeper is not None and keeper.problem
-        me.stepped(*((Health.ERROR, keeper.problem) if keeper and troubled else (Health.OK, said)))
+        me.count_step(*((Health.ERROR, keeper.problem) if keeper and troubled else (Health.OK, said)))
         me.bus.wait(timeout_s=PERIOD_S)
     if keeper is not None:
         keeper.close()
@@ -106,7 +106,7 @@ def record_by_button(me: Process, heard: Heard) -> None:
 def record(
     me: Process,
     path: Path,
-    heard: Heard,
+    heard: RecordingStart,
     wanted: Wanted,
     *,
     said: str = "",
@@ -128,7 +128,7 @@ def record(
         idle(me, f"the recording ends here: {error}", wanted)
 
 
-def write(me: Process, recorder: BusRecorder, heard: Heard, wanted: Wanted, said: str) -> None:
+def write(me: Process, recorder: BusRecorder, heard: RecordingStart, wanted: Wanted, said: str) -> None:
     """Write the messages of the bus while ``wanted``. Raises InputError when the disk refuses them."""
     begun = False
     while wanted():
@@ -138,10 +138,10 @@ def write(me: Process, recorder: BusRecorder, heard: Heard, wanted: Wanted, said
         if not begun and heard.began_ns is not None:
             recorder.began_ns(heard.began_ns)
             begun = True
-        me.stepped(Health.OK, said)
+        me.count_step(Health.OK, said)
 
 
-def attached(me: Process) -> dict[str, bytes]:
+def attached_files(me: Process) -> dict[str, bytes]:
     """The files that a recording of the drive keeps from its beginning. Raises InputError."""
     return attachments(Path(me.options["rules"])) if "rules" in me.options else {}
 

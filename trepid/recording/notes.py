@@ -85,20 +85,20 @@ class Times:
         whole = round(ticks)
         return whole * self._period_s if abs(ticks - whole) < _ON_GRID else t_s - self._began_s
 
-    def recorded_s(self, node_s: float) -> float:
+    def recorded_time_s(self, node_s: float) -> float:
         """The recorded time at the time ``node_s`` of a node."""
         return node_s if self._period_s is None else self._began_s + node_s
 
     def of_node(self, message: Any) -> Any:
         """The recorded ``message`` as the nodes had it."""
-        return message if self._period_s is None else _shifted(message, self.node_s)
+        return message if self._period_s is None else _shift_times(message, self.node_s)
 
-    def recorded(self, message: Any) -> Any:
+    def in_recorded_time(self, message: Any) -> Any:
         """The ``message`` of a node as it is recorded."""
-        return message if self._period_s is None else _shifted(message, self.recorded_s)
+        return message if self._period_s is None else _shift_times(message, self.recorded_time_s)
 
 
-def _shifted(message: Any, shift: Any) -> Any:
+def _shift_times(message: Any, shift: Any) -> Any:
     """``message`` with each of its times replaced by ``shift`` of it."""
     times_s = {name: getattr(message, name, None) for name in _TIMES}
     return replace(message, **{name: shift(t_s) for name, t_s in times_s.items() if t_s is not None})

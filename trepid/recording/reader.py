@@ -29,7 +29,7 @@ Decoder = Callable[[bytes], Any]
 
 
 @dataclass(slots=True)
-class Recorded:
+class RecordingContent:
     """The content of a recording. Times are those of arrival at the recorder [s]."""
 
     path: Path
@@ -59,7 +59,9 @@ class Recorded:
         return self.messages.get(topic.key, [])
 
 
-def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: float = math.inf) -> Recorded:
+def read_recording(
+    path: Path, *keys: str, from_s: float = -math.inf, to_s: float = math.inf
+) -> RecordingContent:
     """The messages that arrived from ``from_s`` to ``to_s`` on topics that match one of ``keys`` (with ``*``).
 
     Raises InputError when ``path`` is no MCAP file, or holds other types on the topics of Trepid.
@@ -124,22 +126,22 @@ class Series(Sequence[M]):
 
 def read_series(
     path: Path, *keys: str, from_s: float = -math.inf, to_s: float = math.inf
-) -> tuple[Recorded, dict[str, Series[Any]]]:
+) -> tuple[RecordingContent, dict[str, Series[Any]]]:
     """As :func:`read_recording`, with the messages in series that are decoded later.
 
     Raises InputError also when two channels of a topic have different definitions, as after a join of recordings of
     two versions.
     """
-    recorded = Recorded(path)
+    recorded = RecordingContent(path)
     schemas: dict[int, Schema] = {}
     wanted: dict[int, Series[Any]] = {}
     series: dict[str, Series[Any]] = {}
 
-    def asked(name: str) -> bool:
+    def is_asked_for(name: str) -> bool:
         key = name.removeprefix("/")
         return topic_of(key) is not None and any(fnmatchcase(key, pattern) for pattern in keys)
 
-    for record in records(path, asked):
+    for record in records(path, is_asked_for):
         match record:
             case McapMessage():
                 at_s = seconds(record.log_time)
@@ -152,10 +154,10 @@ def read_series(
             case Channel():
                 key = record.topic.removeprefix("/")
                 topic = topic_of(key)
-                if topic is not None and asked(key) and record.id not in wanted:
+                if topic is not None and is_asked_for(key) and record.id not in wanted:
                     schema = schemas.get(record.schema_id)
                     fresh = _series(topic, schema, path)
-                    wanted[record.id] = _joined(series.setdefault(key, fresh), fresh, f"{path}: {key}")
+                    wanted[record.id] = _join_series(series.setdefault(key, fresh), fresh, f"{path}: {key}")
             case Chunk():
                 recorded.spans(seconds(record.message_start_time), seconds(record.message_end_time))
             case Attachment():
@@ -169,16 +171,16 @@ def read_series(
     return recorded, {key: one for key, one in series.items() if len(one)}
 
 
-def _joined(first: Series[Any], other: Series[Any], what: str) -> Series[Any]:
+def _join_series(first: Series[Any], other: Series[Any], what: str) -> Series[Any]:
     """``first``, for the messages of a further channel of its topic too. Raises InputError for other messages."""
     if first.definition != other.definition:
         raise InputError(f"{what} has messages of two definitions of its type")
     return first
 
 
-def read_head(path: Path) -> Recorded:
+def read_head(path: Path) -> RecordingContent:
     """The files and the notes at the beginning of a recording, without its messages. Raises InputError."""
-    recorded = Recorded(path)
+    recorded = RecordingContent(path)
     for record in records(path, lambda _: False):
         match record:
             case Chunk():

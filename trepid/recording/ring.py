@@ -3,7 +3,8 @@
 Each drive has a folder of its own below ``$XDG_STATE_HOME/trepid/ring`` (default: ``~/.local/state/trepid/ring``),
 which the launcher names; a recorder that is started again goes on in it.
 A part is a whole MCAP file of ``part_s``; the one being written is readable up to its last half second, also after
-a crash. :func:`kept` joins the parts of a drive into one recording in ``…/trepid/kept``, which nothing deletes.
+a crash. :func:`keep_parts` joins the parts of a drive into one recording in ``…/trepid/kept``, which nothing
+deletes.
 """
 
 import itertools
@@ -160,7 +161,7 @@ def newest() -> Path:
     return max(folders, key=lambda folder: max(part.stat().st_mtime for part in folder.glob("*.mcap")))
 
 
-def kept(folder: Path, out: Path) -> None:
+def keep_parts(folder: Path, out: Path) -> None:
     """Join the parts in ``folder`` into the new recording ``out``, whole or not at all. Raises InputError."""
     # a part that has just been begun is still empty
     parts = [part for part in sorted(folder.glob("*.mcap")) if part.stat().st_size]
@@ -178,15 +179,15 @@ def kept(folder: Path, out: Path) -> None:
         undo.pop_all()
 
 
-def joined(safe: Path, out: Path) -> None:
-    """As :func:`kept` for secured parts, which are deleted, also where the recording fails."""
+def join_secured_parts(safe: Path, out: Path) -> None:
+    """As :func:`keep_parts` for secured parts, which are deleted, also where the recording fails."""
     try:
-        kept(safe, out)
+        keep_parts(safe, out)
     finally:
         shutil.rmtree(safe, ignore_errors=True)
 
 
-def secured(folder: Path) -> Path:
+def secure_parts(folder: Path) -> Path:
     """A new folder beside the kept recordings with the present parts of ``folder``, which no ring deletes.
 
     Raises InputError, and then leaves nothing.
@@ -229,7 +230,7 @@ def keep_apart(folder: Path, out: Path) -> None:
     subprocess.Popen(_joining(folder, out), cwd=ROOT, stdin=subprocess.DEVNULL, start_new_session=True)
 
 
-def kept_by_another(folder: Path, out: Path) -> None:
+def keep_in_other_process(folder: Path, out: Path) -> None:
     """As :func:`keep_apart`, and wait for its end. Raises InputError."""
     done = subprocess.run(
         _joining(folder, out),
@@ -246,10 +247,10 @@ def kept_by_another(folder: Path, out: Path) -> None:
 
 def _joining(folder: Path, out: Path) -> list[str]:
     """The command that joins the present parts in ``folder``, which are secured now. Raises InputError."""
-    return [sys.executable, "-m", "trepid.recording.ring", str(secured(folder)), str(out)]
+    return [sys.executable, "-m", "trepid.recording.ring", str(secure_parts(folder)), str(out)]
 
 
-def size_of_kept() -> int:
+def kept_size() -> int:
     """Bytes of the kept recordings."""
     with suppress(OSError):
         return sum(path.stat().st_size for path in state_folder("kept").rglob("*.mcap"))
@@ -260,7 +261,7 @@ def main(folder: str, out: str) -> int:
     """Join the parts in ``folder``, which is deleted afterwards."""
     os.nice(KEPT_NICE)
     try:
-        joined(Path(folder), Path(out))
+        join_secured_parts(Path(folder), Path(out))
     except InputError as error:
         print(error, file=sys.stderr)
         return 2

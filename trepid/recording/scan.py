@@ -125,7 +125,7 @@ def _of_chunk(file: IO[bytes], length: int, ids: dict[int, bool], wanted: Wanted
     if ids.get(_only_channel(file), True):
         file.seek(begin)
         chunk = _read(Opcode.CHUNK, file.read(length))
-        data, chunk.data = _unpacked(chunk), b""
+        data, chunk.data = _unpack(chunk), b""
         yield chunk
         yield from _in_chunk(data, ids, wanted)
     else:
@@ -135,7 +135,7 @@ def _of_chunk(file: IO[bytes], length: int, ids: dict[int, bool], wanted: Wanted
     file.seek(begin + length)
 
 
-def _unpacked(chunk: Chunk) -> bytes:
+def _unpack(chunk: Chunk) -> bytes:
     """The records of a chunk, which zstd may hold in several frames. Raises one of _BROKEN."""
     if chunk.compression != "zstd":
         stream, total = get_chunk_data_stream(chunk, validate_crc=True)

@@ -78,11 +78,11 @@ class AckermannActuator:
         With ``wheel_angle: commanded`` the angle is that of the last command. Nothing measures it, so the limiter
         cannot notice a driver by the wheel.
         """
-        state = self._reported(now_s)
+        state = self._reported_state(now_s)
         self._speed_mps = None if state is None else state.speed_mps
         return state
 
-    def _reported(self, now_s: float) -> VehicleState | None:
+    def _reported_state(self, now_s: float) -> VehicleState | None:
         report, received_s = self._report.refresh(), self._report.received_s
         if report is None or received_s is None or self._report.broken:
             return None
@@ -90,10 +90,10 @@ class AckermannActuator:
             return None
         state = report if isinstance(report, VehicleState) else state_of(report)
         if self._settings.wheel_angle == "commanded":
-            return replace(state, road_wheel_angle_rad=self._commanded_rad(state.speed_mps))
+            return replace(state, road_wheel_angle_rad=self._commanded_angle_rad(state.speed_mps))
         return state
 
-    def _commanded_rad(self, speed_mps: float | None) -> float | None:
+    def _commanded_angle_rad(self, speed_mps: float | None) -> float | None:
         """The angle of the last command; before it 0 for a car that stands, and None for one that rolls."""
         if self._last is not None:
             return self._last.road_wheel_angle_rad

@@ -24,7 +24,7 @@ from trepid.processes.timing import Timekeeper
 from trepid.topics import COMMAND, DRIVER_INPUT, STOP_REQUEST, VEHICLE_STATE
 from vehicle.actuators.actuator import INVALID, Actuator, Car
 from vehicle.actuators.table import build as build_actuator
-from vehicle.driver.arbitration import arbitrate, reported
+from vehicle.driver.arbitration import arbitrate, report_override
 from vehicle.driver.settings import load_driver
 from vehicle.driver.stop_button import STOPPED, StopButton
 from vehicle.measurement.check import MeasurementCheck, absent
@@ -34,7 +34,7 @@ RATE_HZ = 100.0  # of UN R79
 T = TypeVar("T")
 
 
-class Applied(NamedTuple):
+class AppliedStep(NamedTuple):
     """Result of one step."""
 
     command: Command | None  # for the wire; None: where the wheels stand is not known yet
@@ -58,7 +58,7 @@ class ActuatorStep:
         *,
         stop: bool = False,
         now_s: float,
-    ) -> Applied:
+    ) -> AppliedStep:
         """The command for the wire, and the state for the bus.
 
         ``received_s``: arrival of ``command``. ``state``: as the car reports it; None when it reports nothing.
@@ -76,9 +76,9 @@ class ActuatorStep:
         state, doubts = self._measurements.step(state, driver=self._limiter.handed_over, now_s=now_s)
         limited = self._limiter.step(command, received_s, state, now_s=now_s)
         reported = self._limiter.report(absent(now_s) if state is None else state)
-        applied = limited if self._limiter.wheel_seen else None
-        self._measurements.given(applied)
-        return Applied(applied, reported, doubts)
+        applied = limited if self._limiter.has_seen_wheel else None
+        self._measurements.add_command(applied)
+        return AppliedStep(applied, reported, doubts)
 
     def moves(self, state: VehicleState) -> bool:
         """True while the car of ``state`` moves and no driver has it."""
@@ -98,7 +98,7 @@ class Wire:
 
     def read(self, now_s: float) -> VehicleState | None:
         """State of the car; None also when the wire fails, which includes anything that is no state."""
-        return self._tried(lambda: self._state(now_s))
+        return self._attempt(lambda: self._state(now_s))
 
     def _state(self, now_s: float) -> VehicleState | None:
         state = self._actuator.read(now_s=now_s)
@@ -108,7 +108,7 @@ class Wire:
 
     def write(self, command: Command, now_s: float) -> None:
         """Send ``command``; a failure counts, and the next call sends the next command."""
-        self._tried(lambda: self._actuator.write(command, now_s=now_s))
+        self._attempt(lambda: self._actuator.write(command, now_s=now_s))
 
     def values(self) -> tuple[tuple[str, str], ...]:
         """Values for the heartbeat."""
@@ -120,7 +120,7 @@ class Wire:
         reasons = [f"{name} {why}" for name, why in self._actuator.values() if name.startswith(INVALID)]
         return "; ".join(reasons)
 
-    def _tried(self, act: Callable[[], T]) -> T | None:
+    def _attempt(self, act: Callable[[], T]) -> T | None:
         try:
             return act()
         except OSError as error:
@@ -202,7 +202,7 @@ class Loop:
         button = self._button
         button.hear(self._stop_request.take(), state, now_s=now_s)
         applied = self._node.step(
-            button.permitted(demand.command),
+            button.permit(demand.command),
             demand.received_s,
             state,
             stop=failed or ending or button.stops,
@@ -214,11 +214,11 @@ class Loop:
             self._times.note(fresh.t_s, newest, began_s=now_s)
         if applied.state.speed_mps is not None:
             self.moving = self._node.moves(applied.state)
-        self._send_state(replace(reported(applied.state, demand), stop_pressed=button.held))
+        self._send_state(replace(report_override(applied.state, demand), stop_pressed=button.held))
         lacking = not failed and (state is None or bool(state.doubted))
         invalid = self._wire.invalid() if lacking else ""
         doubted = "; ".join(filter(None, (invalid, *applied.doubts)))
-        self._me.stepped(*self._condition(failed, state, demand.reason, doubted, ending=ending))
+        self._me.count_step(*self._condition(failed, state, demand.reason, doubted, ending=ending))
 
     def _condition(
         self, failed: bool, state: VehicleState | None, reason: str, doubted: str, *, ending: bool

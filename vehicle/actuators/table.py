@@ -45,7 +45,7 @@ def kind(name: str) -> ActuatorKind:
         ) from error
 
 
-def configured() -> tuple[str, Settings | None]:
+def configured_actuator() -> tuple[str, Settings | None]:
     """Name and settings of the actuator in ``config/actuator.yaml``; no settings for the simulated car.
 
     Raises InputError with the place of the fault.
@@ -77,7 +77,7 @@ def settings_in(data: CommentedMap, name: str) -> Settings:
 
 def build(car: Car) -> tuple[str, Actuator]:
     """Name of the configured actuator, and the actuator with its wire open. Raises InputError."""
-    name, settings = configured()
+    name, settings = configured_actuator()
     if settings is None:
         where = place(read(FILE), ["actuator"], FILE)
         raise InputError(

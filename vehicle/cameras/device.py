@@ -137,7 +137,7 @@ class Device:
         self._hung = 0  # times
         self._hanging: list[_Reader] = []
         self._trouble = ""
-        self._reader = self._started()
+        self._reader = self._start_reader()
         with self._changed:
             answered = self._changed.wait_for(lambda: self._opened or self._trouble, open_s)
         if not self._opened:
@@ -186,9 +186,9 @@ class Device:
             self._hung += 1
             self._reader.given_up = True
             self._hanging.append(self._reader)
-            self._reader = self._started()
+            self._reader = self._start_reader()
 
-    def _started(self) -> _Reader:
+    def _start_reader(self) -> _Reader:
         reader = _Reader()
         reader.thread = threading.Thread(target=self._run, args=(reader,), name="camera", daemon=True)
         reader.thread.start()

@@ -28,7 +28,7 @@ class McapFile(Playback):
     def __init__(self, settings: McapSettings, drive: SourceContext) -> None:
         path = recording_path(settings.path)
         topics = {topic: name for topic, name in types_of(path).items() if name in TYPES}
-        topic = _chosen(settings.topic, topics, path)
+        topic = _choose_topic(settings.topic, topics, path)
         begin = partial(mcap_shots, path, topic, topics[topic])
         try:
             super().__init__(begin, now_s=drive.now_s, pace=settings.pace, loop=settings.loop)
@@ -36,7 +36,7 @@ class McapFile(Playback):
             raise InputError(f"{path}: {topic}: {error}") from error
 
 
-def _chosen(wanted: str | None, topics: dict[str, str], path: Path) -> str:
+def _choose_topic(wanted: str | None, topics: dict[str, str], path: Path) -> str:
     if not topics:
         images = f"no topic with {' or '.join(TYPES)} in CDR, as ROS 2 records them"
         raise InputError(f"{path}: holds {images}, but {topics_in_words(path)}")
@@ -65,18 +65,18 @@ def mcap_shots(path: Path, topic: str, ros_type: str) -> Iterator[UndecodedFrame
             image = ros_image(data, ros_type)
         except WireError as error:
             if delay_s is not None:
-                yield UndecodedFrame(logged_s - delay_s, partial(_refused, f"{where}: {error}"))
+                yield UndecodedFrame(logged_s - delay_s, partial(_refuse, f"{where}: {error}"))
             continue
         t_s = logged_s if image.stamp_s is None else image.stamp_s
         delay_s = logged_s - t_s
-        yield UndecodedFrame(t_s, partial(_decoded, image, where))
+        yield UndecodedFrame(t_s, partial(_decode, image, where))
 
 
-def _refused(reason: str) -> Image:
+def _refuse(reason: str) -> Image:
     raise InputError(reason)
 
 
-def _decoded(image: RosImage, where: str) -> Image:
+def _decode(image: RosImage, where: str) -> Image:
     try:
         return image.decode()
     except WireError as error:

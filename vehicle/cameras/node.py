@@ -7,13 +7,13 @@ import cv2
 
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.images.jpeg import JpegEncoder, Thinned
+from trepid.images.jpeg import JpegEncoder, RateFilter
 from trepid.messages import Frame, Health
 from trepid.processes.process import Process, process
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
 from vehicle.cameras.source import CameraSource, SourceContext, Values
 from vehicle.cameras.statistics import FrameStatistics
-from vehicle.cameras.table import build, configured
+from vehicle.cameras.table import build, configured_source
 from vehicle.cameras.working import Unfit, Working, WorkingSettings
 
 RETRY_S = 0.5  # between two attempts to open a camera that is absent after a restart
@@ -25,7 +25,7 @@ class CameraStep:
     def __init__(self, settings: WorkingSettings, camera: Camera) -> None:
         self.working = Working(settings, camera)
         self.statistics = FrameStatistics()
-        self._rate = Thinned(settings.rate_hz)
+        self._rate = RateFilter(settings.rate_hz)
         self.encoder = JpegEncoder(
             rate_hz=settings.compressed_hz, budget_kb_per_s=settings.compressed_kb_per_s
         )
@@ -85,7 +85,7 @@ def opened_source(me: Process) -> tuple[str, CameraSource, WorkingSettings] | No
     A process that was started again during a drive waits for its camera instead, as for one that is unplugged; None
     when the drive ends before the camera is there.
     """
-    configured()  # a fault in the settings is refused in each case
+    configured_source()  # a fault in the settings is refused in each case
     while True:
         try:
             return build(SourceContext(me.bus, me.now_s))
@@ -111,7 +111,7 @@ def drive(me: Process, name: str, source: CameraSource, node: CameraStep) -> Non
             if jpeg is not None:
                 send_compressed(jpeg)
         health, message = node.health(working is not None, source.trouble, now_s=me.now_s())
-        (me.alive if working is None else me.stepped)(health, message)
+        (me.alive if working is None else me.count_step)(health, message)
         if frame is None and source.ended:
             time.sleep(0.05)
 

@@ -50,7 +50,7 @@ def ros_image(data: bytes, ros_type: str) -> RosImage:
     except Exception as error:  # rosbags does not catch the exceptions of numpy and struct for foreign bytes
         raise WireError(f"not a {ros_type}: {type(error).__name__}") from error
     stamp_ns = ros.header.stamp.sec * NANO + ros.header.stamp.nanosec
-    decode = _raw if ros_type == IMAGE else _compressed
+    decode = _raw if ros_type == IMAGE else _decode_compressed
     return RosImage(seconds(stamp_ns) if stamp_ns else None, lambda: decode(ros))
 
 
@@ -76,7 +76,7 @@ def _raw(ros: Any) -> Image:
         raise WireError(f"an image of {size} is too small for encoding {ros.encoding!r}") from error
 
 
-def _compressed(ros: Any) -> Image:
+def _decode_compressed(ros: Any) -> Image:
     """JPEG, PNG or another format of OpenCV."""
     image = decoded_image(np.asarray(ros.data).tobytes())
     if image is None:

@@ -38,7 +38,7 @@ class RosTopic:
         self._settings, self._now_s = settings, drive.now_s
         self._type = IMAGE if settings.type == "Image" else COMPRESSED
         self._stack = ExitStack()
-        self._bus = self._joined(drive)
+        self._bus = self._join_bus(drive)
         try:
             self._newest = self._bus.newest(settings.key)
         except ZenohError as error:
@@ -48,7 +48,7 @@ class RosTopic:
         self._malformed = 0
         self.trouble = f"no image on {settings.key} yet"
 
-    def _joined(self, drive: SourceContext) -> Bus:
+    def _join_bus(self, drive: SourceContext) -> Bus:
         """The bus of the drive, or a session of its own as a client of the router of the graph."""
         connect = self._settings.connect
         if connect is None:
@@ -76,7 +76,7 @@ class RosTopic:
     def _frame(self, data: bytes, received_s: float) -> Frame | None:
         try:
             message = ros_image(data, self._type)
-            t_s = self._captured_s(message.stamp_s, received_s)
+            t_s = self._capture_time_s(message.stamp_s, received_s)
             image = message.decode()
         except WireError as error:
             self._malformed += 1
@@ -88,7 +88,7 @@ class RosTopic:
         self._last_s, self.trouble = t_s, ""
         return Frame(t_s=t_s, image=image)
 
-    def _captured_s(self, stamp_s: float | None, received_s: float) -> float:
+    def _capture_time_s(self, stamp_s: float | None, received_s: float) -> float:
         """Time of capture [s]. Raises WireError for a stamp of another clock: its age is not known."""
         if self._settings.stamp == "arrival":
             return received_s

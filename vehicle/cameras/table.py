@@ -41,7 +41,7 @@ def kind(name: str) -> CameraKind:
     return found() if name in OWN else found  # type: ignore[return-value]
 
 
-def configured() -> tuple[str, Settings, WorkingSettings]:
+def configured_source() -> tuple[str, Settings, WorkingSettings]:
     """Name and settings of the source in ``config/camera_source.yaml``, and the settings of every source.
 
     Raises InputError with the place of the fault.
@@ -73,7 +73,7 @@ def _part(data: Any, *, keep: Mapping[str, Any]) -> Any:
 
 def build(drive: SourceContext) -> tuple[str, CameraSource, WorkingSettings]:
     """Name of the configured source, the open source, and the settings of every source. Raises InputError."""
-    name, settings, common = configured()
+    name, settings, common = configured_source()
     try:
         return name, kind(name)(settings, drive), common
     except InputError as error:

@@ -60,7 +60,7 @@ class Working:
             )
         image = self._mount.upright(image)
         if self._fit == "crop":
-            image = _cropped(image, self._size[0] / self._size[1])
+            image = _crop(image, self._size[0] / self._size[1])
         elif self._fit == "refuse":
             self._check(image)
         self.source_size = size
@@ -91,7 +91,7 @@ def _bgr(image: Image) -> Image:
     return np.asarray(cv2.cvtColor(image, code), np.uint8)
 
 
-def _cropped(image: Image, ratio: float) -> Image:
+def _crop(image: Image, ratio: float) -> Image:
     """The largest part of ``image`` with width over height ``ratio`` around its middle."""
     height_px, width_px = image.shape[:2]
     wide, high = min(width_px, round(height_px * ratio)), min(height_px, round(width_px / ratio))

@@ -73,7 +73,7 @@ def _why_not(driver: DriverInput, *, present: bool) -> str:
     return "the dead man's switch is released"
 
 
-def reported(state: VehicleState, demand: Demand) -> VehicleState:
+def report_override(state: VehicleState, demand: Demand) -> VehicleState:
     """``state``, the limiter's report, with the override of a driver whose demand is the command."""
     return replace(state, driver_override=True) if demand.override else state
 

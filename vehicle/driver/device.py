@@ -27,7 +27,7 @@ class EventDevice:
         """The device was opened since the last read: earlier events say nothing about it."""
         try:
             mode = path.stat().st_mode
-            self._fd = _opened(path)
+            self._fd = _open(path)
         except PermissionError as error:
             raise InputError(
                 f"{path}: may not be read; add your user to the group `input`, or change `device` in driver.yaml"
@@ -67,7 +67,7 @@ class EventDevice:
 
     def _reopen(self) -> None:
         try:
-            self._fd = _opened(self._path)
+            self._fd = _open(self._path)
         except OSError:
             self._fd = None  # it is still gone
 
@@ -78,5 +78,5 @@ class EventDevice:
             self._fd = None
 
 
-def _opened(path: Path) -> int:
+def _open(path: Path) -> int:
     return os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)

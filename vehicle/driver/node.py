@@ -30,9 +30,9 @@ def run(me: Process) -> None:
             sticks = device.read(now_s=now_s)
             send(driver.step(sticks, newest.speed_mps if newest and known else None, now_s=now_s))
             if sticks is None:
-                me.stepped(Health.WARN, f"{settings.device}: gone; plug it in again")
+                me.count_step(Health.WARN, f"{settings.device}: gone; plug it in again")
             else:
-                me.stepped()
+                me.count_step()
 
 
 if __name__ == "__main__":

@@ -110,8 +110,8 @@ class KeyboardInput:
         step = self._settings.per_s * max(0.0, now_s - (now_s if self._read_s is None else self._read_s))
         self._read_s = now_s
         settings = self._settings
-        self._steering = self._moved(self._steering, settings.left_key, settings.right_key, step)
-        self._throttle = self._moved(self._throttle, settings.faster_key, settings.brake_key, step)
+        self._steering = self._move_stick(self._steering, settings.left_key, settings.right_key, step)
+        self._throttle = self._move_stick(self._throttle, settings.faster_key, settings.brake_key, step)
         return Sticks(
             steering=self._steering,
             throttle=self._throttle,
@@ -125,7 +125,7 @@ class KeyboardInput:
         """Close the device."""
         self._device.close()
 
-    def _moved(self, value: float, plus: int, minus: int, step: float) -> float:
+    def _move_stick(self, value: float, plus: int, minus: int, step: float) -> float:
         goal = float(plus in self._held) - float(minus in self._held)
         return max(value - step, min(value + step, goal))
 

@@ -39,6 +39,6 @@ class StopButton:
         """The limiter is to stop the car now."""
         return self.held and not self._stands
 
-    def permitted(self, command: Command | None) -> Command | None:
+    def permit(self, command: Command | None) -> Command | None:
         """``command``; None while the car stands and the button holds it, which lets the limiter hold the brake."""
         return None if self.held and self._stands else command

@@ -61,15 +61,13 @@ def _create(folder: Path, roles: list[str], hosts: list[str]) -> list[Path]:
     if not certificate(folder, AUTHORITY).exists() and not private_key(folder, AUTHORITY).exists():
         key = ec.generate_private_key(ec.SECP256R1())
         name = _name(f"Trepid keys of {folder.resolve().name}")
-        made += _write(
-            folder, AUTHORITY, key, _signed(name, key, name, key, now + AUTHORITY_DAYS * DAY, None)
-        )
+        made += _write(folder, AUTHORITY, key, _sign(name, key, name, key, now + AUTHORITY_DAYS * DAY, None))
     authority = _authority(folder, now)
     until = min(now + PROCESS_DAYS * DAY, authority.not_valid_after_utc)
     signer = _read_key(folder, AUTHORITY)
     for role in missing:
         key = ec.generate_private_key(ec.SECP256R1())
-        signed = _signed(_name(role), key, authority.subject, signer, until, [*LOOPBACK, *hosts])
+        signed = _sign(_name(role), key, authority.subject, signer, until, [*LOOPBACK, *hosts])
         made += _write(folder, role, key, signed)
     return made
 
@@ -114,7 +112,7 @@ def _name(common: str) -> Any:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, cut)])
 
 
-def _signed(name: Any, key: Any, issuer: Any, signer: Any, until: datetime, hosts: list[str] | None) -> Any:
+def _sign(name: Any, key: Any, issuer: Any, signer: Any, until: datetime, hosts: list[str] | None) -> Any:
     """A certificate for ``key``; of an authority when ``hosts`` is None."""
     now = datetime.now(UTC)
     is_authority = hosts is None

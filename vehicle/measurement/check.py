@@ -21,7 +21,7 @@ SPEED, WHEEL, YAW, TORQUE = "speed_mps", "road_wheel_angle_rad", "yaw_rate_radps
 LONGEST_S = 0.05  # a longer pause of the process counts as this long
 
 
-class Judged(NamedTuple):
+class CheckedState(NamedTuple):
     """A state whose quantities hold, and why the others do not."""
 
     state: VehicleState | None
@@ -67,11 +67,11 @@ class MeasurementCheck:
         self._yaw = YawCheck(vehicle, settings)
         self._then_s = math.nan
 
-    def given(self, command: Command | None) -> None:
+    def add_command(self, command: Command | None) -> None:
         """``command`` has been given to the car; None: nothing was given."""
         self._command = command
 
-    def step(self, state: VehicleState | None, *, driver: bool = False, now_s: float) -> Judged:
+    def step(self, state: VehicleState | None, *, driver: bool = False, now_s: float) -> CheckedState:
         """``state`` without the quantities that do not hold at ``now_s``; None stays None.
 
         ``driver``: a driver has the car, also where ``state`` does not say so. A state without a finite time of
@@ -85,10 +85,10 @@ class MeasurementCheck:
             state = None
         driver = driver or (state is not None and state.driver_override)
         reasons: dict[str, str] = {}
-        values = {name: self._ranged(name, state, reasons) for name in QUANTITIES}
-        held = self._held(values, driver, dt_s, now_s)
+        values = {name: self._value_in_range(name, state, reasons) for name in QUANTITIES}
+        held = self._check_values(values, driver, dt_s, now_s)
         if state is None:
-            return Judged(None, ())
+            return CheckedState(None, ())
         for name in (SPEED, WHEEL, YAW):
             if values[name] is not None:
                 self._reported.add(name)
@@ -100,7 +100,7 @@ class MeasurementCheck:
                 reasons[name] = doubt.reason
                 values[name] = None
         if not reasons:
-            return Judged(state, ())
+            return CheckedState(state, ())
         doubted = tuple(sorted({*state.doubted, *reasons}))
         texts = tuple(f"{QUANTITIES[name]}: {reasons[name]}" for name in QUANTITIES if name in reasons)
         held_state = replace(
@@ -111,9 +111,9 @@ class MeasurementCheck:
             driver_torque_nm=values[TORQUE],
             doubted=doubted,
         )
-        return Judged(held_state, texts)
+        return CheckedState(held_state, texts)
 
-    def _ranged(self, name: str, state: VehicleState | None, reasons: dict[str, str]) -> float | None:
+    def _value_in_range(self, name: str, state: VehicleState | None, reasons: dict[str, str]) -> float | None:
         """The quantity ``name`` of ``state`` if it is a number within its range, else None."""
         value = None if state is None else getattr(state, name)
         if value is None:
@@ -126,7 +126,7 @@ class MeasurementCheck:
             return None
         return value
 
-    def _held(
+    def _check_values(
         self, values: dict[str, float | None], driver: bool, dt_s: float, now_s: float
     ) -> dict[str, bool]:
         """Whether speed, wheel angle and yaw rate hold; a computed one always does."""

@@ -52,12 +52,12 @@ class Slope:
             self._stages, self._means = [now] * STAGES, now
         share = dt_s / (self._filter_s + dt_s)
         for number, stage in enumerate(self._stages):
-            now = self._stages[number] = _moved(stage, now, share)
+            now = self._stages[number] = _move_towards(stage, now, share)
         self._elapsed_s += dt_s
         if not self._elapsed_s:
             return
         share = dt_s / min(self._elapsed_s, self._settings.span_s)
-        self._means = _moved(self._means, now, share)
+        self._means = _move_towards(self._means, now, share)
         x, y, w = (value - mean for value, mean in zip(now, self._means, strict=True))
         self._xx += share * (x * x - self._xx)
         self._xy += share * (x * y - self._xy)
@@ -82,5 +82,5 @@ class Slope:
         return slope - half, slope + half
 
 
-def _moved(old: Triple, new: Triple, share: float) -> Triple:
+def _move_towards(old: Triple, new: Triple, share: float) -> Triple:
     return Triple(*(before + share * (value - before) for before, value in zip(old, new, strict=True)))

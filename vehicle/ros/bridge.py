@@ -24,7 +24,7 @@ from trepid.topics import FIXED, Topic, estimate_topic
 from trepid.types import Array
 from trepid.wire import CAMERA_FRAME, ROS, STORE, VEHICLE_FRAME, ros_name
 from vehicle.actuators.ackermann import AckermannSettings, command_topic, state_topic
-from vehicle.actuators.table import configured
+from vehicle.actuators.table import configured_actuator
 from vehicle.ros.graph import RosNode, RosTopic, ros_topic_name
 
 RATE_HZ = 200  # looks for messages
@@ -47,7 +47,7 @@ class RosSettings(Settings):
     exclude: tuple[str, ...]
     state: RosName | None
 
-    def forwarded(
+    def forwarded_topics(
         self, vehicle_name: str, estimators: tuple[str, ...], driver: AckermannSettings | None
     ) -> dict[str, RosTopic]:
         """Topics of the graph by the keys of a drive, with the limited command to ``driver``, that of the car.
@@ -95,7 +95,7 @@ def load_settings() -> RosSettings:
 
 def ackermann_driver() -> AckermannSettings | None:
     """The settings of the Ackermann driver of the car; None where it has another actuator. Raises InputError."""
-    _, settings = configured()
+    _, settings = configured_actuator()
     return settings if isinstance(settings, AckermannSettings) else None
 
 
@@ -137,7 +137,7 @@ def quaternion(rotation: Array) -> tuple[float, float, float, float]:
 def run(me: Process) -> None:
     """Forward until the process is to stop; without a router of the graph, look for one and report it."""
     settings, driver = load_settings(), ackermann_driver()
-    topics = settings.forwarded(me.bus.vehicle_name, tuple(me.options.get("estimators", ())), driver)
+    topics = settings.forwarded_topics(me.bus.vehicle_name, tuple(me.options.get("estimators", ())), driver)
     tap, camera = me.bus.tap(*topics), load(CONFIG_DIR / "camera.yaml", Camera)
     me.ready()
     ticker, retry, static = Ticker(RATE_HZ), Ticker(1 / RETRY_S), Ticker(1 / STATIC_S)
@@ -148,10 +148,10 @@ def run(me: Process) -> None:
             ticker.due()
             arrived = tap.drain()
             if node is None and retry.due():
-                node = _joined(stack, settings)
+                node = _join_graph(stack, settings)
                 send = {key: node.publisher(topic) for key, topic in topics.items()} if node else {}
                 send_pose = node.publisher(TF_STATIC, latched=True) if node else None
-                pass_state = _state_passed(me.bus, node, settings.state, driver) if node else None
+                pass_state = _state_sender(me.bus, node, settings.state, driver) if node else None
             if node is None or send_pose is None or pass_state is None:
                 me.alive(Health.WARN, f"no ROS 2 router at {settings.router}; start rmw_zenohd")
                 continue
@@ -160,10 +160,10 @@ def run(me: Process) -> None:
             pass_state()
             if static.due():
                 send_pose(camera_pose(camera, me.now_s()), me.now_s())
-            me.stepped()
+            me.count_step()
 
 
-def _state_passed(
+def _state_sender(
     bus: Bus, node: RosNode, name: str | None, driver: AckermannSettings | None
 ) -> Callable[[], None]:
     """A function that publishes the newest state in the graph, if one has arrived, to the actuator."""
@@ -172,15 +172,15 @@ def _state_passed(
     topic = state_topic(driver)
     newest, send = node.subscriber(RosTopic(name, ros_name(topic.type))), bus.forwarder(topic.key)
 
-    def passed() -> None:
+    def send_newest() -> None:
         data = newest()
         if data is not None:
             send(data)
 
-    return passed
+    return send_newest
 
 
-def _joined(stack: ExitStack, settings: RosSettings) -> RosNode | None:
+def _join_graph(stack: ExitStack, settings: RosSettings) -> RosNode | None:
     """A node in the graph; None while its router cannot be reached."""
     try:
         graph = stack.enter_context(open_graph({**SESSION, "connect/endpoints": [settings.router]}))

@@ -21,7 +21,7 @@ from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
-from supervisor.modes.analyser import analyse, explained
+from supervisor.modes.analyser import analyse, traced_cause
 from supervisor.rules.inference import CALM, FearRules
 from supervisor.situation.world_state import WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
@@ -214,7 +214,7 @@ class Watcher:
         started_s = time.thread_time()
         finding = analyse(world.features, self._settings, ages_s=world.ages_s)
         self.spent_us.append(1e6 * (time.thread_time() - started_s))
-        return CALM if rated.cause == CALM else explained(rated.cause, finding)
+        return CALM if rated.cause == CALM else traced_cause(rated.cause, finding)
 
     def _look(self, moment: FrameOutputs, state: VehicleState, t_s: float) -> None:
         frame = Frame(t_s=t_s, image=moment.image)

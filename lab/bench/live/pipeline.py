@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from drive.log import DriveLog
-from drive.plan import context_of, planned
+from drive.plan import context_of, plan_processes
 from lab.bench.live.overload import overload
 from lab.bench.live.ping import pinging
 from sim_harness.live.course import ScenarioCourse
@@ -21,7 +21,7 @@ from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import InputError
-from trepid.processes.fused import FUSED, gathered
+from trepid.processes.fused import FUSED, gather_specs
 from trepid.processes.launch import Fleet
 from trepid.processes.settings import ProcessSpec, Restart, load_processes
 from trepid.processes.timing import APPLIES, COMMANDS, DECIDES, Summary
@@ -39,7 +39,7 @@ Row = dict[str, Any]
 def bench_pipeline(seed: int) -> Row:
     """Latency from stage to stage, transport against bare Zenoh, CPU, by arm; lag under overload."""
     scenario = load_scenario("straight", {"camera.rate_hz": str(RATE_HZ)})
-    specs = planned(load_processes(), ScenarioCourse(scenario))
+    specs = plan_processes(load_processes(), ScenarioCourse(scenario))
     arms = {
         "a process each": specs,
         "one process": in_one_process(specs),
@@ -64,7 +64,7 @@ def bench_pipeline(seed: int) -> Row:
 def in_one_process(specs: tuple[ProcessSpec, ...]) -> tuple[ProcessSpec, ...]:
     """``specs`` with the nodes of the frame in one process; the vehicle ahead comes after the command."""
     shared = tuple(s if s.name in SIMULATED else replace(s, together="frame") for s in specs)
-    return gathered(tuple(sorted(shared, key=lambda spec: spec.name == "lead")))
+    return gather_specs(tuple(sorted(shared, key=lambda spec: spec.name == "lead")))
 
 
 def in_real_time(specs: tuple[ProcessSpec, ...]) -> tuple[ProcessSpec, ...]:

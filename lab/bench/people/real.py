@@ -64,7 +64,7 @@ def _scored(pictures: Path, detector: Path, every: int) -> Iterator[Scored]:
         if label is None:
             raise InputError(f"{pictures}: no label of {path.name}")
         if found is None:  # all pictures have one size
-            camera = load(CONFIG_DIR / "camera.yaml", Camera).resized(image.shape[1], image.shape[0])
+            camera = load(CONFIG_DIR / "camera.yaml", Camera).resize(image.shape[1], image.shape[0])
             found = box_detector(lead_settings(detector), camera)
         sure = [box for box in with_cyclists(found.boxes(image)) if box.confidence >= SURE]
         people = [box for box in sure if box.kind in (PERSON, CYCLIST)]

@@ -22,7 +22,7 @@ from lab.bench.perception.fit_confidence import fitted
 from lab.bench.perception.looks import Look, looks
 from lab.bench.real.judgement import BESIDE, within
 from lab.bench.real.look import LANE_ROWS, lane_at
-from perception.camera.self_calibration import self_calibrated
+from perception.camera.self_calibration import calibrate_by_images
 from perception.estimators import lane_cv_settings
 from perception.lane.detection.evenness import columns
 from perception.lane.street.settings import SearchedWeights, StreetWeights
@@ -64,7 +64,7 @@ def samples(drawn: Iterable[Look]) -> tuple[Samples, Samples]:
     settings, vehicle = lane_cv_settings(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     found: tuple[list[tuple[tuple[float, ...], bool, str]], ...] = ([], [])
     for look in drawn:
-        finder = WhichLane(settings, self_calibrated([look.image], settings.self_calibration), vehicle)
+        finder = WhichLane(settings, calibrate_by_images([look.image], settings.self_calibration), vehicle)
         finder.step(Frame(t_s=0.0, image=look.image), None, now_s=0.0)
         for rows, one in zip(found, finder.looks, strict=False):
             rows.append((one.features, is_right(one.estimate, look), FAMILIES.get(look.kind, "marked")))

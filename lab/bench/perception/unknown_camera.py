@@ -21,7 +21,7 @@ from lab.bench.perception.looks import random_camera
 from lab.bench.real.sets import data_folder
 from perception.camera.odometry import DriveOptics, StateOdometry
 from perception.camera.road_lines import pitch_and_yaw
-from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
 from perception.estimators import lane_cv_settings
 from perception.lane.which_lane import WhichLane
 from sim_harness.footage.clip import read_log
@@ -142,7 +142,7 @@ def watch(case: tuple[int, int]) -> list[Watched]:
 
 def _watched(drive: UnknownDrive, moments: list[OdometryFrame], odometry: StateOdometry) -> Watched:
     settings, vehicle = lane_cv_settings(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    assumed = self_calibrated([moments[0].image], settings.self_calibration)
+    assumed = calibrate_by_images([moments[0].image], settings.self_calibration)
     finder, seen, late = WhichLane(settings, assumed, vehicle, odometry), [], []
     for t_s, image, speed_mps, rate in moments:
         state = VehicleState(
@@ -243,7 +243,7 @@ def _height_m(folder: Path, stretch: Sequence[tuple[str, float, float]]) -> floa
     """The height by a stretch of names of frames, times and speeds; None where too few pairs are known."""
     images = [read_image(folder / name) for name, _, _ in stretch]
     spread = np.linspace(0, len(images) - 1, CALIBRATION_FRAMES).astype(int)
-    assumed = self_calibrated([images[at] for at in spread], lane_cv_settings().self_calibration)
+    assumed = calibrate_by_images([images[at] for at in spread], lane_cv_settings().self_calibration)
     focal_px = assumed.height_px / 2 / math.tan(FOREIGN_FOV_RAD / 2)
     lens = assumed.model_copy(update={"fx_px": focal_px, "fy_px": focal_px})
     camera = lens.model_copy(update=pitch_and_yaw(lens.cx_px, assumed.horizon_row_px, lens))

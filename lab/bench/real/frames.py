@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from perception.camera.odometry import StateOdometry
-from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
 from perception.estimators import build_beside, lane_cv_settings
 from perception.images.sources import Clip, sources
 from trepid.car.camera import Camera
@@ -85,8 +85,8 @@ def stills(folder: Path, pattern: str, labels: Path, suffix: str, *, every: int 
 def still(path: Path, *, label: Path | None = None, camera: Camera | None = None) -> Picture:
     """An image; without ``camera`` a typical one with the horizon of the image, as in `trepid estimate`."""
     image = read_image(path)
-    known = camera or self_calibrated([image], lane_cv_settings().self_calibration)
-    camera, assumed = known.resized(image.shape[1], image.shape[0]), camera is None
+    known = camera or calibrate_by_images([image], lane_cv_settings().self_calibration)
+    camera, assumed = known.resize(image.shape[1], image.shape[0]), camera is None
     return Picture(str(path), 0.0, image, camera, label=label, file=path.name, assumed=assumed)
 
 
@@ -95,7 +95,7 @@ def video(path: Path, *, every: int = 1) -> Iterator[Picture]:
     clip = sources(path)[0]
     if not isinstance(clip, Clip):
         raise InputError(f"{path}: not a video")
-    camera = self_calibrated(clip.sample(CALIBRATION_FRAMES), lane_cv_settings().self_calibration)
+    camera = calibrate_by_images(clip.sample(CALIBRATION_FRAMES), lane_cv_settings().self_calibration)
     for shot in islice(clip.shots(), count_frames(path) // every):
         file = f"{path.name}#{shot.number}"
         yield Picture(str(path), shot.t_s, shot.image, camera, file=file, assumed=True)
@@ -160,7 +160,7 @@ def _stretches(
     if known is None:
         chosen = np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES).astype(int).tolist()
         sample = [read_image(rows[number].image) for number in chosen]
-        known = self_calibrated(sample, lane_cv_settings().self_calibration)
+        known = calibrate_by_images(sample, lane_cv_settings().self_calibration)
     starts = np.linspace(0, len(rows) - parts.frames, parts.number).astype(int).tolist()[::every]
     for drive, start in enumerate(starts):
         for row in rows[start : start + parts.frames]:

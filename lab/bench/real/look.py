@@ -12,7 +12,7 @@ from lab.bench.real import sets
 from lab.bench.real.frames import Picture, estimates
 from lab.bench.real.labels import SURFACES, Labels, Truth, border_error_px, columns, line_counts
 from perception.estimators import ESTIMATORS
-from perception.images.outline import outlined
+from perception.images.outline import with_boundaries
 from sim_harness.footage.fear_picture import with_lanes
 from sim_harness.footage.onlooker import Given, Onlooked, Onlooker
 from supervisor.supervisor import SupervisorSettings
@@ -52,7 +52,7 @@ def answers(
     for picture, found in estimates(_said(sequence.pictures(folder, every), says), names):
         truth = _truth(picture, sequence.labels)
         yield {
-            name: _answer(outlined(one, picture.camera, vehicle), picture, sequence.labels, truth)
+            name: _answer(with_boundaries(one, picture.camera, vehicle), picture, sequence.labels, truth)
             for name, one in found.items()
         }
 

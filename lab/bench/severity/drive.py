@@ -22,7 +22,7 @@ from sim_harness.lockstep.vehicle import SimulatorSettings, load_simulator
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.sweep.store import Row
 from sim_harness.world.render.renderer import Renderer
-from supervisor.modes.analyser import AnalyserSettings, analyse, explained
+from supervisor.modes.analyser import AnalyserSettings, analyse, traced_cause
 from supervisor.rules.inference import CALM, FearRules
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, default_file, load
@@ -181,7 +181,7 @@ def cause_of(decision: Decision) -> str:
     values = dict(zip(decision.inputs, decision.input_values, strict=True))
     cause = rules.evaluate(values).cause
     finding = analyse(values, analyser, ages_s={"": math.nan})
-    return CALM if cause == CALM else explained(cause, finding, decision.sight_cause)
+    return CALM if cause == CALM else traced_cause(cause, finding, decision.sight_cause)
 
 
 def decisions_of(task: StressedDrive) -> list[Decision]:

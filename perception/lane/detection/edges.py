@@ -80,7 +80,7 @@ class RoadEdgeFinder:
             cx_px=camera.cx_px * (width_px / camera.width_px),
             cy_px=camera.cy_px * (height_px / camera.height_px),
         )
-        self._camera = camera.resized(width_px, height_px).model_copy(update=centre)
+        self._camera = camera.resize(width_px, height_px).model_copy(update=centre)
         self.grid = lateral_grid(
             self._camera, reach_m=settings.reach_m, band_m=settings.band_m, max_band_px=4
         )
@@ -118,7 +118,7 @@ class RoadEdgeFinder:
         inside = (aside < -margin_m) & (self._road_x_m < self._settings.reach_m)
         return inside, aside > margin_m
 
-    def prepared(self, image: Image) -> RoadImage:
+    def prepare(self, image: Image) -> RoadImage:
         """``image``, of any size with the aspect ratio of the camera, resized, cut and binned."""
         size = (self._camera.width_px, self._camera.height_px)
         if image.shape[1::-1] != size:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from perception.lane.detection.grid import LateralGrid
 from perception.lane.model.evidence import EvidenceSettings, LaneFit, boundary_support
-from perception.lane.model.fit import FitSettings, Fitted, fit_lane, log_evidence
+from perception.lane.model.fit import FitSettings, LaneSolution, fit_lane, log_evidence
 from perception.lane.model.geometry import (
     PITCH,
     WIDTH,
@@ -16,7 +16,7 @@ from perception.lane.model.geometry import (
     LaneState,
     RoadPoints,
     lane_coordinates,
-    levelled,
+    level_points,
     parallel_curve,
 )
 from trepid.types import Array
@@ -36,9 +36,9 @@ class LaneFitter:
     fit: FitSettings
     evidence: EvidenceSettings
 
-    def fitted(
+    def solve(
         self, points: RoadPoints, side: Array, prior: LaneState, start: Array, straight: LaneState | None
-    ) -> Fitted:
+    ) -> LaneSolution:
         """The lane fitted with ``prior``, or with the prior ``straight`` for a straight road.
 
         The straight lane wins unless the log evidence of the bent one exceeds it by ``straight_log_odds``.
@@ -51,9 +51,9 @@ class LaneFitter:
         odds = log_evidence(plain, points, side, straight, fit) - log_evidence(bent, points, side, prior, fit)
         return plain if odds + fit.straight_log_odds > 0 else bent
 
-    def assigned(self, points: RoadPoints, mean: Array) -> tuple[RoadPoints, Array]:
+    def assign_sides(self, points: RoadPoints, mean: Array) -> tuple[RoadPoints, Array]:
         """The points near a boundary of ``mean`` and the side (+1 left, −1 right) that each is on."""
-        x_m, y_m = levelled(points, mean[PITCH], self.grid.camera)
+        x_m, y_m = level_points(points, mean[PITCH], self.grid.camera)
         _, distance, _ = lane_coordinates(x_m, y_m, mean)
         side = np.where(distance > 0, 1.0, -1.0)
         gate = 3 * (self.fit.gate_m + self.fit.gate_growth * points.x_m) + points.sigma_m
@@ -61,7 +61,7 @@ class LaneFitter:
         return points.part(close), side[close]
 
     def with_evidence(
-        self, fitted: Fitted, near: RoadPoints, side: Array, *, count: int, foreseen: bool = False
+        self, fitted: LaneSolution, near: RoadPoints, side: Array, *, count: int, foreseen: bool = False
     ) -> LaneFit:
         """The lane fitted to ``near`` with the support of each boundary; ``count``: of all points of the frame.
 
@@ -89,7 +89,7 @@ class LaneFitter:
 
         Two dashes of a dashed line or more count, because an arrow or a crack is shorter.
         """
-        x_m, y_m = levelled(points, mean[PITCH], self.grid.camera)
+        x_m, y_m = level_points(points, mean[PITCH], self.grid.camera)
         _, distance, _ = lane_coordinates(x_m, y_m, mean)
         inner_m, gate_m = mean[WIDTH] / 2 - WITHIN_M, self.fit.gate_m
         best = 0.0

@@ -52,7 +52,7 @@ class MarkingFilter:
         edge_m = self._step_m * np.arange(edges, -edges - 1, -1.0)
         width_px = grid.camera.width_px
         columns = grid.camera.cx_px - grid.metre_px[:, None] * edge_m + 0.5
-        band, place = np.nonzero(_widened((columns > 0) & (columns < width_px), SPAN // 2 + 1))
+        band, place = np.nonzero(_widen((columns > 0) & (columns < width_px), SPAN // 2 + 1))
         columns = np.clip(columns[band, place], 0, width_px)  # there are no pixels beside the image
         before = np.minimum(columns.astype(np.int64), width_px - 1)
         self._share_after = (columns - before).astype(np.float32)
@@ -104,7 +104,7 @@ class MarkingFilter:
         highest = np.flatnonzero((peak >= after) & (peak > before))
         peak, before, after, at = peak[highest], before[highest], after[highest], high[highest]
         shift = 0.5 * (after - before) / np.maximum(2 * peak - before - after, 1e-3)
-        band, left_m, half_m, peak = _twins_joined(
+        band, left_m, half_m, peak = _join_twins(
             self._band[at], self._left_m[at] - self._step_m * shift, peak
         )
         x_m, y_m = self._grid.vehicle_from_grid(self._grid.ahead_m[band], left_m)
@@ -118,7 +118,7 @@ class MarkingFilter:
         )
 
 
-def _twins_joined(
+def _join_twins(
     band: NDArray[np.int64], left_m: Array, contrast: NDArray[np.float32]
 ) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.float32]]:
     """The points with the two stripes of a double line replaced by one point in their middle, where the lane ends.
@@ -141,7 +141,7 @@ def _twins_joined(
     return band[alone], left_m[alone], half_m[alone], contrast[alone]
 
 
-def _widened(shown: NDArray[np.bool_], places: int) -> NDArray[np.bool_]:
+def _widen(shown: NDArray[np.bool_], places: int) -> NDArray[np.bool_]:
     """``shown`` extended by ``places`` on both sides."""
     kernel = np.ones((1, 2 * places + 1), np.uint8)
     return cv2.dilate(shown.astype(np.uint8), kernel) > 0

@@ -18,7 +18,7 @@ INNER = (0.2, 0.8)  # part of the lane whose texture is the standard
 CLEAR, FLOOR_GREY = 2.5, 3.0  # times the texture; that of a plain surface
 
 
-def shown(image: Image, left: PixelPath, right: PixelPath) -> float | None:
+def visible_share(image: Image, left: PixelPath, right: PixelPath) -> float | None:
     """The lesser share of the rows in which the left and the right boundary are visible; None: too little is shown.
 
     A boundary is visible in a row where a line |2·g(0) − g(−a) − g(a)|/2 or a step |g(a) − g(−a)| of the grey level

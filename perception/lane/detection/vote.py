@@ -75,7 +75,7 @@ def _histograms(
     block = max(1, BLOCK // max(1, len(curvature) * len(x_m)))
     counted = np.concatenate(
         [
-            _counted(x_m, y_m, weight, heading[first : first + block], curvature, half_m, bin_m, bins)
+            _count_votes(x_m, y_m, weight, heading[first : first + block], curvature, half_m, bin_m, bins)
             for first in range(0, len(heading), block)
         ],
         axis=1,
@@ -84,7 +84,7 @@ def _histograms(
     return np.asarray(counted[1:-1] + 0.5 * (counted[:-2] + counted[2:]), np.float64)
 
 
-def _counted(
+def _count_votes(
     x_m: Array,
     y_m: Array,
     weight: Array,

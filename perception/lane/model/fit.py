@@ -18,7 +18,7 @@ from perception.lane.model.geometry import (
     LaneState,
     RoadPoints,
     lane_coordinates,
-    levelled,
+    level_points,
 )
 from trepid.car.camera import Camera
 from trepid.config import Settings
@@ -43,7 +43,7 @@ class FitSettings(Settings):
 
 
 @dataclass(frozen=True)
-class Fitted:
+class LaneSolution:
     """A fitted state; per point the residual [m] and the final weight (0 = rejected)."""
 
     state: LaneState
@@ -53,7 +53,7 @@ class Fitted:
 
 def fit_lane(
     points: RoadPoints, side: Array, prior: LaneState, start: Array, camera: Camera, settings: FitSettings
-) -> Fitted:
+) -> LaneSolution:
     """Maximum a posteriori lane for ``points`` on the left (side +1) or right (−1) boundary.
 
     Gauss-Newton on r = d(p; x) − side·W/2 with Cauchy weights and the prior N(x̄, P): with the information N
@@ -81,17 +81,17 @@ def fit_lane(
         weighted = jacobian * weight
         information = precision + weighted @ jacobian.T
         right_side = weighted @ ((mean - prior.mean) @ jacobian - residual)
-        before, mean = mean, _bounded(prior.mean + solved(information, right_side))
+        before, mean = mean, _limit_state(prior.mean + solve_positive(information, right_side))
         step = mean - before
         residual = residual + step @ jacobian
         if iteration and step @ information @ step < SMALL_STEP**2:
             break
-    return Fitted(
+    return LaneSolution(
         state=LaneState(mean=mean, covariance=inverse(information)), residual_m=residual, weight=weight
     )
 
 
-def solved(matrix: Array, right_side: Array) -> Array:
+def solve_positive(matrix: Array, right_side: Array) -> Array:
     """x of M·x = b for a symmetric positive definite M, by Cholesky; ten times as fast as numpy.linalg.
 
     Raises numpy.linalg.LinAlgError when M is not positive definite.
@@ -104,12 +104,12 @@ def solved(matrix: Array, right_side: Array) -> Array:
 
 def inverse(matrix: Array) -> Array:
     """M⁻¹ of a symmetric positive definite M, symmetric to the last bit."""
-    found = solved(matrix, IDENTITY)
+    found = solve_positive(matrix, IDENTITY)
     return (found + found.T) / 2
 
 
 def log_evidence(
-    fitted: Fitted, points: RoadPoints, side: Array, prior: LaneState, settings: FitSettings
+    fitted: LaneSolution, points: RoadPoints, side: Array, prior: LaneState, settings: FitSettings
 ) -> float:
     """Log evidence of ``prior``: log ∫ p(points | x)·p(x) dx up to a constant, by Laplace's approximation.
 
@@ -125,7 +125,7 @@ def log_evidence(
     return -0.5 * (misfit + surprise + float(occam))
 
 
-def _bounded(mean: Array) -> Array:
+def _limit_state(mean: Array) -> Array:
     """The state limited to the range of the linearisation: |ψ| ≤ 0.7, |κ0| ≤ 0.12, |κ'| ≤ 0.02."""
     mean[PSI] = min(max(mean[PSI], -0.7), 0.7)
     mean[KAPPA] = min(max(mean[KAPPA], -0.12), 0.12)
@@ -161,7 +161,7 @@ def _robust_scale(points: RoadPoints, settings: FitSettings) -> Array:
 def _residuals(points: RoadPoints, side: Array, mean: Array, camera: Camera) -> tuple[Array, Array]:
     """Residuals [m], shape (n,), and their derivatives by the state, shape (6, n)."""
     e, psi, kappa, rate, width, pitch = mean.tolist()
-    x_m, y_m = levelled(points, pitch, camera)
+    x_m, y_m = level_points(points, pitch, camera)
     station, distance, root = lane_coordinates(x_m, y_m, mean)
     sin, cos = math.sin(-psi), math.cos(-psi)
     square = station * station

@@ -129,7 +129,7 @@ def parallel_curve(
     return place_m * cos + run * (sin_end + sin) / (np.sqrt(1 - sin_end * sin_end) + cos)
 
 
-def levelled(points: RoadPoints, pitch_rad: float, camera: Camera) -> tuple[Array, Array]:
+def level_points(points: RoadPoints, pitch_rad: float, camera: Camera) -> tuple[Array, Array]:
     """Road places (x, y) [m] of ``points`` for a camera pitched ``pitch_rad`` further down than its mounting.
 
     To first order the distance from the foot point shrinks by the factor 1/(1 + δ·x/h).

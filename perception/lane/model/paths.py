@@ -71,7 +71,7 @@ def _path(columns: Array, rows: Array, width_px: int) -> PixelPath:
 def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: float) -> tuple[Array, Array]:
     """Columns of the left and the right boundary at image rows ``rows_px``; NaN where not visible."""
     curve = lane_curve(mean, STATIONS_M[reach_m + 1e-9 >= STATIONS_M])
-    matrix = _pitched(camera, float(mean[PITCH]))
+    matrix = _pitched_homography(camera, float(mean[PITCH]))
     road = np.stack([curve.real, curve.imag, np.ones_like(curve.real)])
     u, v, depth = (matrix @ road.reshape(3, -1)).reshape(road.shape)
     depth = np.where(depth > 0.3, depth, np.nan)
@@ -79,7 +79,7 @@ def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: fl
     return _columns(u[0], v[0], rows_px), _columns(u[1], v[1], rows_px)
 
 
-def _pitched(camera: Camera, pitch_rad: float) -> Array:
+def _pitched_homography(camera: Camera, pitch_rad: float) -> Array:
     """Homography to pixels from the road, shape (3, 3), of a camera pitched ``pitch_rad`` further down.
 
     H = K·[r1 r2 t], and the rotation about the right axis of the camera multiplies [r1 r2 t] by

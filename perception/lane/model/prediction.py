@@ -8,7 +8,7 @@ from pydantic import Field
 
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, PITCH, PSI, E, LaneState
 from perception.lane.model.prior import PriorSettings
-from trepid.clothoid import advanced
+from trepid.clothoid import advance_clothoid
 from trepid.config import Settings
 from trepid.messages import VehicleState
 from trepid.types import Array, Positive, Share
@@ -66,7 +66,7 @@ def _possible(value: float | None, limit: float) -> float | None:
     return value if value is not None and abs(value) <= limit else None
 
 
-def travelled_m(motion: VehicleMotion, dt_s: float, track: TrackSettings) -> float:
+def travelled_distance_m(motion: VehicleMotion, dt_s: float, track: TrackSettings) -> float:
     """Distance [m] driven in ``dt_s``; at ``blind_speed_mps`` where the speed is not known."""
     return (track.blind_speed_mps if motion.speed_mps is None else abs(motion.speed_mps)) * dt_s
 
@@ -81,12 +81,12 @@ def predict(
     """
     speed_mps, yaw_rate_radps = motion
     travelled = 0.0 if speed_mps is None else abs(speed_mps) * dt_s
-    noise_m = travelled_m(motion, dt_s, track)
+    noise_m = travelled_distance_m(motion, dt_s, track)
     mean = state.mean.copy()
     turned = yaw_rate_radps * dt_s if yaw_rate_radps is not None else mean[KAPPA] * travelled
     fade = math.exp(-travelled / track.curvature_rate_memory_m)
     settle = math.exp(-dt_s / track.pitch_memory_s)
-    mean[[E, PSI, KAPPA]] = advanced(
+    mean[[E, PSI, KAPPA]] = advance_clothoid(
         *mean[[E, PSI, KAPPA, KAPPA_RATE]], way_m=travelled, turned_rad=turned, sin=math.sin
     )
     mean[KAPPA_RATE] *= fade

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from perception.lane.model.fit import solved
+from perception.lane.model.fit import solve_positive
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, LaneState
 from trepid.config import Settings
 from trepid.types import NonNegative, Positive
@@ -58,7 +58,7 @@ class PriorSettings(Settings):
         return LaneState(mean=mean, covariance=np.diag(sigma**2))
 
 
-def straightened(state: LaneState, settings: PriorSettings) -> LaneState:
+def straight_prior(state: LaneState, settings: PriorSettings) -> LaneState:
     """The prior ``state`` for a straight road."""
     sigma = np.sqrt(np.diag(state.covariance))
     sigma[BEND] = settings.straight_bend_sigma
@@ -92,6 +92,6 @@ def on_straight(state: LaneState, settings: PriorSettings) -> LaneState:
     The update moves heading and offset by their correlation with the bend.
     """
     by_bend = state.covariance[:, BEND]
-    gain = solved(by_bend[BEND] + np.diag(np.square(settings.straight_bend_sigma)), by_bend.T).T
+    gain = solve_positive(by_bend[BEND] + np.diag(np.square(settings.straight_bend_sigma)), by_bend.T).T
     covariance = state.covariance - gain @ by_bend.T
     return LaneState(mean=state.mean - gain @ state.mean[BEND], covariance=(covariance + covariance.T) / 2)

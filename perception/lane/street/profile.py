@@ -51,7 +51,7 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Levelled:
+class LevelImage:
     """An image from a level camera: its points of paint, and maps (rows, places + 1), 0 outside the image."""
 
     points: RoadPoints
@@ -86,7 +86,7 @@ class StreetView:
     def _table(self, heading: int, bend: int) -> tuple[NDArray[np.int32], NDArray[np.int16]]:
         """Of a course, in every ``COARSE``-th row: the index of its places, their visible rows down to each row."""
         index = self.index(float(self.heading_rad[heading]), float(self.curvature_1pm[bend]))[::COARSE]
-        return index, _padded(self.inside).take(index).cumsum(axis=0).astype(np.int16)
+        return index, _pad_column(self.inside).take(index).cumsum(axis=0).astype(np.int16)
 
     def index(self, heading_rad: float, curvature_1pm: float) -> NDArray[np.int32]:
         """Flat index of each place along a course in an array (rows, places + 1), whose last column is unknown."""
@@ -99,7 +99,7 @@ class StreetView:
 
     def profile(
         self, image: Image, horizon: float, near: StreetCourse | None = None
-    ) -> tuple[Profile, Levelled]:
+    ) -> tuple[Profile, LevelImage]:
         """The profile of ``image``, of the working width, along its best course, and the levelled image.
 
         ``horizon``: expected row, in widths of the image. Without ``near`` the course is searched straight ahead.
@@ -114,7 +114,7 @@ class StreetView:
             surprise = ((shift - around.horizon) / sigma.horizon) ** 2
             if surprise > MAX_SURPRISE:
                 continue
-            maps = _levelled(self, image, shift)
+            maps = _level_maps(self, image, shift)
             score, at = self._sharpest(maps, around, surprise, near is not None)
             if score > best:
                 best, found = score, (maps, at, shift)
@@ -123,7 +123,7 @@ class StreetView:
         course = StreetCourse(float(self.heading_rad[heading]), float(self.curvature_1pm[bend]), shift)
         return self._along(course, maps), maps
 
-    def step_points(self, levelled: Levelled, lane: Array, left_m: float) -> RoadPoints:
+    def step_points(self, levelled: LevelImage, lane: Array, left_m: float) -> RoadPoints:
         """The clearest step near the curve ``left_m`` of ``lane`` in each row, far to near."""
         settings, grid = self.settings, self.grid
         index = self.index(float(lane[PSI]), float(lane[KAPPA]))
@@ -146,7 +146,7 @@ class StreetView:
         )
 
     def _sharpest(
-        self, maps: Levelled, around: StreetCourse, surprise: float, is_near: bool
+        self, maps: LevelImage, around: StreetCourse, surprise: float, is_near: bool
     ) -> tuple[float, tuple[int, int]]:
         """Score and place in the table of the course along which paint and steps are concentrated the most.
 
@@ -171,7 +171,7 @@ class StreetView:
                 best, found = score, at
         return best, found
 
-    def _along(self, course: StreetCourse, maps: Levelled) -> Profile:
+    def _along(self, course: StreetCourse, maps: LevelImage) -> Profile:
         index = self.index(course.heading_rad, course.curvature_1pm)
         count = maps.shown.take(index).sum(axis=0)
         rows = np.maximum(count, 1)
@@ -188,14 +188,14 @@ class StreetView:
         )
 
 
-def _levelled(street: StreetView, image: Image, horizon: float) -> Levelled:
+def _level_maps(street: StreetView, image: Image, horizon: float) -> LevelImage:
     settings, level = street.settings, _level_image(street, image, horizon)
     points = street.markings.points(level)
     flat = cv2.remap(level, *street.map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     lab = cv2.cvtColor(flat.astype(np.uint8, copy=False), cv2.COLOR_BGR2Lab).astype(np.float32)
     last_px = image.shape[0] - 1 + street.grid.camera.cy_px - horizon * image.shape[1]
     inside = street.inside & (street.row_px <= last_px)[:, None]
-    line = _painted(street, points, inside)
+    line = _paint_weight(street, points, inside)
     apart = max(1, round(settings.step_window_m / settings.step_m))
     light = cv2.blur(lab[..., 0], (apart, 1))
     change = np.zeros_like(light)
@@ -210,18 +210,18 @@ def _levelled(street: StreetView, image: Image, horizon: float) -> Levelled:
     deviation = (lab - middle) * (np.array((LIGHT_SHARE, 1.0, 1.0)) / sigma)
     other = (deviation**2).sum(axis=2) > MAX_DEVIATION**2
     yellow = line * (lab[..., 2] > middle[2] + settings.yellow_b)
-    return Levelled(
+    return LevelImage(
         points=points,
         rows=max(1, int(np.count_nonzero(street.row_px <= last_px))),
-        shown=_padded(inside),
-        both=(_padded(line * inside) + 1j * _padded(step * inside)).astype(np.complex64),
-        yellow=_padded(yellow * inside),
-        other=_padded(other & inside),
+        shown=_pad_column(inside),
+        both=(_pad_column(line * inside) + 1j * _pad_column(step * inside)).astype(np.complex64),
+        yellow=_pad_column(yellow * inside),
+        other=_pad_column(other & inside),
         chance=float(line[inside].mean()) if inside.any() else 0.0,
     )
 
 
-def _padded(values: NDArray[np.generic]) -> Floats:
+def _pad_column(values: NDArray[np.generic]) -> Floats:
     """``values`` with a column of 0 on the right."""
     return np.pad(values.astype(np.float32), ((0, 0), (0, 1)))
 
@@ -235,7 +235,7 @@ def _level_image(street: StreetView, image: Image, horizon: float) -> Image:
     return cv2.warpAffine(image, move, size, borderMode=cv2.BORDER_REPLICATE).astype(np.uint8, copy=False)
 
 
-def _painted(street: StreetView, points: RoadPoints, inside: Mask) -> Floats:
+def _paint_weight(street: StreetView, points: RoadPoints, inside: Mask) -> Floats:
     """Weight of the paint in each row and place."""
     line, places = np.zeros(inside.shape, np.float32), len(street.left_m)
     near = points.band >= street.rows[0]

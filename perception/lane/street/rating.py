@@ -34,7 +34,7 @@ def searched_features(
     """In the order of :class:`SearchedWeights`.
 
     ``street``: probability of the pair; ``agreement`` with it; ``shown``: as
-    :func:`perception.lane.detection.shown.shown`; ``marks``: of the lane.
+    :func:`perception.lane.detection.shown.visible_share`; ``marks``: of the lane.
     """
     return (
         1.0,
@@ -63,8 +63,8 @@ def street_features(
 
     ``steps``: number of boundaries that are no lines; ``uneven``: as
     :func:`perception.lane.detection.evenness.unevenness`; ``searched``: probability of the lane of the search
-    between heights; ``agreement`` with it; ``shown``: as :func:`perception.lane.detection.shown.shown`; ``along``:
-    of its :class:`perception.lane.detection.marks.Marks`.
+    between heights; ``agreement`` with it; ``shown``: as :func:`perception.lane.detection.shown.visible_share`;
+    ``along``: of its :class:`perception.lane.detection.marks.Marks`.
     """
     return (
         1.0,

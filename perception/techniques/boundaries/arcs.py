@@ -26,7 +26,7 @@ from perception.techniques.boundaries.evidence import (
     road_points,
     support,
 )
-from perception.techniques.boundaries.ransac import VOTERS, Tries, drawn_from
+from perception.techniques.boundaries.ransac import VOTERS, Tries, draw_samples
 from perception.techniques.image.picture import Boundaries, Boundary, Evidence, GroundView, MeasuredLane
 from trepid.clothoid import Lane
 from trepid.types import Array, Mask, Positive
@@ -67,12 +67,12 @@ def arcs(
         lanes = np.vstack([lanes, last])
     if len(points) < LEAST or not len(lanes):
         return both(None, None)
-    old = _remembered(before, float(points.x_m[0]))
+    old = _remembered_points(before, float(points.x_m[0]))
     few = slice(None, None, -(-len(points) // VOTERS))
     x_m, y_m = np.r_[points.x_m[few], old.x_m], np.r_[points.y_m[few], old.y_m]
     weight = np.r_[evenly(points)[few], np.full(len(old), MEMORY)]
     usual_m = width_m if last is None else KEPT * float(last[WIDTH]) + (1 - KEPT) * width_m
-    lane = _refined(x_m, y_m, weight, lanes, usual_m, inlier_m, bend_1pm)
+    lane = _refine_lanes(x_m, y_m, weight, lanes, usual_m, inlier_m, bend_1pm)
     left, right = (_boundary(points, lane, side, before, inlier_m) for side in (1, -1))
     missing = [name for name, side in (("left", left), ("right", right)) if side.support <= UNSEEN]
     if len(missing) == 2:
@@ -89,21 +89,21 @@ def arc_lane(boundaries: Boundaries, view: GroundView, *, width_m: Positive = 3.
     if lane is None:
         return None
     e, psi, kappa, rate, width = lane.tolist()
-    return MeasuredLane(Lane(e, psi, kappa, rate), width if boundaries.seen == 2 else None)
+    return MeasuredLane(Lane(e, psi, kappa, rate), width if boundaries.side_count == 2 else None)
 
 
 def _through(boundaries: Boundaries, width_m: float) -> Array | None:
     """The lane (5,) through the points of the boundaries; None without, or where there is none."""
-    if not boundaries.found:
+    if not boundaries.signed_sides:
         return None
     starts = []
-    for side, sign in boundaries.found:
+    for side, sign in boundaries.signed_sides:
         for last in (len(side.x_m) - 1, len(side.x_m) // 2):
             three = [0, last // 2, last]
             starts.append(_lanes(side.x_m[three, None], side.y_m[three, None], sign * width_m / 2, width_m))
-    x_m = np.concatenate([side.x_m for side, _ in boundaries.found])
-    y_m = np.concatenate([side.y_m for side, _ in boundaries.found])
-    lane = _refined(
+    x_m = np.concatenate([side.x_m for side, _ in boundaries.signed_sides])
+    y_m = np.concatenate([side.y_m for side, _ in boundaries.signed_sides])
+    lane = _refine_lanes(
         x_m, y_m, np.full(len(x_m), DRAWN), np.concatenate(starts), width_m, DRAWN_M, MOST_BEND_1PM
     )
     return lane if _is_plausible(lane[None], width_m)[0] else None
@@ -115,7 +115,7 @@ def _candidates(points: Points, width_m: float, tries: int, rng: np.random.Gener
         return np.empty((0, 5))
     road = np.cumsum(evenly(points) ** 2)
     edges = np.r_[0, np.searchsorted(road, road[-1] * np.array([1, 2]) / 3), len(points)]
-    picks = drawn_from(edges, tries, rng)
+    picks = draw_samples(edges, tries, rng)
     x_m, y_m = points.x_m[picks].T, points.y_m[picks].T
     found = np.concatenate([_lanes(x_m, y_m, aside * width_m, width_m) for aside in (0.5, -0.5)])
     return np.asarray(found[_is_plausible(found, width_m)], float)
@@ -146,7 +146,7 @@ def _lanes(x_m: Array, y_m: Array, aside_m: float, width_m: float) -> Array:
     return np.stack([aside_m - place_m * np.cos(start), -start, bend, 0 * bend, 0 * bend + width_m], axis=1)
 
 
-def _refined(
+def _refine_lanes(
     x_m: Array, y_m: Array, weight: Array, lanes: Array, width_m: float, scale_m: float, bend_1pm: float
 ) -> Array:
     """The best of ``lanes`` (n, 5) for the points, and of Gauss-Newton steps from there."""
@@ -159,7 +159,7 @@ def _refined(
     lane, off, alike = lanes[best], off[best], likeness[best]
     found, most = lane, float(alike @ weight) if fits.any() else 0.0
     for _ in range(STEPS):
-        lane = _stepped(x_m, y_m, lane, off, weight * alike, width_m, bend_1pm)
+        lane = _step_lane(x_m, y_m, lane, off, weight * alike, width_m, bend_1pm)
         off = _off(x_m, y_m, lane[None])[0]
         alike = _alike(off, scale_m)
         if (votes := float(alike @ weight)) > most and _is_plausible(lane[None], width_m)[0]:
@@ -180,7 +180,7 @@ def _alike(off_m: Array, scale_m: float) -> Array:
     return np.asarray(np.reciprocal(near, out=near))
 
 
-def _stepped(
+def _step_lane(
     x_m: Array, y_m: Array, lane: Array, off: Array, weight: Array, width_m: float, bend_1pm: float
 ) -> Array:
     """The lane after a Gauss-Newton step towards the usual lane, ``width_m`` wide; ``off``: r of the points."""
@@ -196,9 +196,9 @@ def _stepped(
     return np.asarray(lane - np.linalg.solve(normal, weighted @ off + prior * away), float)
 
 
-def _remembered(before: Boundaries, near_m: float) -> Points:
+def _remembered_points(before: Boundaries, near_m: float) -> Points:
     """Points of earlier boundaries clearly nearer than the visible road: at standstill there are none."""
-    kept = [(side.x_m, side.y_m) for side, _ in before.found]
+    kept = [(side.x_m, side.y_m) for side, _ in before.signed_sides]
     x_m = np.concatenate([x for x, _ in kept] or [np.empty(0)])
     y_m = np.concatenate([y for _, y in kept] or [np.empty(0)])
     return Points(x_m, y_m).where((x_m > -BEHIND_M) & (x_m < near_m - STEP_M))

@@ -13,7 +13,7 @@ from perception.techniques.boundaries.evidence import (
     each_side,
     rms,
     road_points,
-    sampled,
+    sample_curve,
 )
 from perception.techniques.boundaries.lines import NO_LINE, hough_segments, hough_standard
 from perception.techniques.boundaries.ransac import Curve, along, polynomial, two_sections
@@ -35,7 +35,9 @@ def robust(points: Points, basis_values: Array, *, scale_m: float, rounds: int =
     return np.asarray(coefficients, float)
 
 
-def agreed(points: Points, basis_values: Array, coefficients: Array, *, scale_m: float) -> Curve | None:
+def curve_with_inliers(
+    points: Points, basis_values: Array, coefficients: Array, *, scale_m: float
+) -> Curve | None:
     """The curve with its points within 2·``scale_m``; None with too few."""
     residual = points.y_m - basis_values @ coefficients
     close = np.abs(residual) < 2 * scale_m
@@ -62,7 +64,7 @@ def near_line_far_parabola(
     ]
     bend = _common_bend([line for line in near_lines if line is not None], points, near_m)
     return both(
-        *(None if line is None else _bent(*line, bend, points, near_m, scale_m) for line in near_lines)
+        *(None if line is None else _bend_line(*line, bend, points, near_m, scale_m) for line in near_lines)
     )
 
 
@@ -77,7 +79,9 @@ def _common_bend(lines: list[tuple[float, float]], points: Points, near_m: float
     return float(BENDS[int(np.argmax(on * (1 - np.abs(BENDS))))]) / 2
 
 
-def _bent(a: float, b: float, c: float, points: Points, near_m: float, scale_m: float) -> Boundary | None:
+def _bend_line(
+    a: float, b: float, c: float, points: Points, near_m: float, scale_m: float
+) -> Boundary | None:
     """The line, and beyond it the parabola of the points about the common bend."""
     beyond, off = np.maximum(0.0, points.x_m - near_m), points.y_m - a - b * points.x_m
     far = (beyond > 0) & (np.abs(off - c * beyond**2) < 0.3 + 0.0015 * beyond**2)
@@ -105,18 +109,18 @@ def histogram_cubic(evidence: Evidence, *, scale_m: Positive = 0.15) -> Boundari
     Source: R [80], in pixels from above: x = ay³ + by² + cy + d. Limit: anything as long and as thin as a line.
     """
 
-    def fitted(points: Points) -> Boundary | None:
-        followed = _followed(points)
+    def fit_points(points: Points) -> Boundary | None:
+        followed = _follow_points(points)
         if followed is None:
             return None
         basis = polynomial(3)(followed.x_m)
         coefficients = robust(followed, basis, scale_m=scale_m)
-        return along(agreed(followed, basis, coefficients, scale_m=scale_m), polynomial(3))
+        return along(curve_with_inliers(followed, basis, coefficients, scale_m=scale_m), polynomial(3))
 
-    return each_side(evidence, fitted)
+    return each_side(evidence, fit_points)
 
 
-def _followed(points: Points, *, window_m: float = 2.0, half_m: float = 0.45) -> Points | None:
+def _follow_points(points: Points, *, window_m: float = 2.0, half_m: float = 0.45) -> Points | None:
     """The points in windows about the extrapolated median, from near to far."""
     near = points.where(points.x_m < points.x_m.min() + 2 * window_m)
     place, slope, kept = float(np.median(near.y_m)), 0.0, np.zeros(len(points), bool)
@@ -152,7 +156,7 @@ def _in_pixels(points: Points, camera_x_m: float, scale_m: float) -> Curve | Non
     basis = polynomial(2)(points.x_m)
     reference = float(np.median(ahead))
     coefficients = robust(tangent, basis / ahead[:, None], scale_m=scale_m / reference)
-    return agreed(points, basis, coefficients, scale_m=scale_m)
+    return curve_with_inliers(points, basis, coefficients, scale_m=scale_m)
 
 
 def pchip(evidence: Evidence, *, half_m: Positive = 0.4) -> Boundaries:
@@ -168,12 +172,12 @@ def pchip(evidence: Evidence, *, half_m: Positive = 0.4) -> Boundaries:
     points = points.where((points.x_m < 35.0) & (np.abs(points.y_m) < 7.0))
     order = np.argsort(points.x_m, kind="stable")
     sides = by_side(Points(points.x_m[order], points.y_m[order]), evidence.predicted, gate_m=half_m)
-    return both(*(_interpolated(side) for side in sides))
+    return both(*(_interpolate(side) for side in sides))
 
 
-def _interpolated(points: Points | None) -> Boundary | None:
+def _interpolate(points: Points | None) -> Boundary | None:
     """PCHIP through the medians of the followed points of each ``NODE_M``."""
-    followed = _followed(points, window_m=NODE_M) if points is not None else None
+    followed = _follow_points(points, window_m=NODE_M) if points is not None else None
     if followed is None:
         return None
     cell = np.floor(followed.x_m / NODE_M).astype(int)
@@ -184,4 +188,4 @@ def _interpolated(points: Points | None) -> Boundary | None:
     curve = PchipInterpolator(nodes[:, 0], nodes[:, 1])
     near, far = float(nodes[0, 0]), float(nodes[-1, 0])
     residual_m = rms(followed.y_m - curve(np.clip(followed.x_m, near, far)))
-    return sampled(curve, near, far, followed, residual_m)
+    return sample_curve(curve, near, far, followed, residual_m)

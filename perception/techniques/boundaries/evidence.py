@@ -166,7 +166,7 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def sampled(
+def sample_curve(
     curve: Callable[[Array], Array], near_m: float, far_m: float, points: Points, residual_m: float = 0.0
 ) -> Boundary:
     """The boundary along y = ``curve(x)``, with the support of its ``points``."""

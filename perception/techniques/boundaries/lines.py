@@ -144,11 +144,11 @@ def _nearest(
             return None
         group = segments.where((aside_m >= aside_m[number]) & (aside_m < aside_m[number] + join_m))
         if group.length_m.sum() >= min_length_m:
-            return _fitted(group)
+            return _fit_line(group)
     return None
 
 
-def _fitted(group: RoadPieces) -> Boundary:
+def _fit_line(group: RoadPieces) -> Boundary:
     """The least-squares line y = a + b·x through points every ``STEP_M`` of the pieces.
 
     The width of a pixel on the road grows with x, so points and residuals are weighted by 1/x.

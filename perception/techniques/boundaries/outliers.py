@@ -28,7 +28,7 @@ def near_prediction(
 
     All features while a side is unknown. Limit: a boundary that jumps.
     """
-    if evidence.predicted is None or evidence.predicted.seen < 2:
+    if evidence.predicted is None or evidence.predicted.side_count < 2:
         return evidence.features
     return evidence.features.where(
         near(evidence.view, evidence.predicted, half_width_m=half_width_m, growth=growth)
@@ -75,7 +75,7 @@ def middle_to_side(evidence: Evidence, *, step_m: Positive = 0.35, from_m: Posit
     high = evidence.features.response > 0
     kept = np.zeros_like(high)
     for sign in (1, -1):
-        rows, columns = _linked(high, evidence.view, _middle(evidence.predicted), sign, step_m, from_m)
+        rows, columns = _link_pixels(high, evidence.view, _middle(evidence.predicted), sign, step_m, from_m)
         kept[rows, columns] = True
     return evidence.features.where(kept)
 
@@ -117,7 +117,7 @@ def patch_component(evidence: Evidence, *, close_m: Positive = 0.3) -> Features:
     labels = np.asarray(cv2.connectedComponents(road.astype(np.uint8), connectivity=4)[1])
     below = labels[patch(view) & road]
     nothing = np.zeros(road.shape, bool)
-    whole = _filled(labels == np.bincount(below).argmax()) if len(below) else nothing
+    whole = _fill_holes(labels == np.bincount(below).argmax()) if len(below) else nothing
     if not len(below) or np.mean(response[whole] > HALF) < SOLID:  # noise is mostly holes
         return evidence.features.where(nothing)
     return Features(whole.astype(np.float32), FeatureKind.REGION)
@@ -197,7 +197,7 @@ def _middle(predicted: Boundaries | None) -> float:
     return float(predicted.left.y_m[0] + predicted.right.y_m[0]) / 2
 
 
-def _linked(
+def _link_pixels(
     high: Mask, view: GroundView, middle_m: float, sign: int, step_m: float, from_m: float
 ) -> tuple[list[int], list[int]]:
     """Rows and columns of one side, ``sign`` +1 for left."""
@@ -223,7 +223,7 @@ def _linked(
     return rows, columns
 
 
-def _filled(region: Mask) -> Mask:
+def _fill_holes(region: Mask) -> Mask:
     """The region with its holes filled."""
     contours, _ = cv2.findContours(region.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     full = np.zeros(region.shape, np.uint8)

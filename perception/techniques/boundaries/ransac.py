@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.interpolate import BSpline
 
-from perception.techniques.boundaries.evidence import STEP_M, Points, each_side, evenly, rms, sampled
+from perception.techniques.boundaries.evidence import STEP_M, Points, each_side, evenly, rms, sample_curve
 from perception.techniques.image.picture import Boundaries, Boundary, Evidence
 from trepid.types import Array, Mask, Positive
 
@@ -62,7 +62,7 @@ def consensus(
     road = np.cumsum(weight**2)
     edges = np.searchsorted(road, np.linspace(0, road[-1], size + 1)[1:-1])
     edges = np.r_[0, np.clip(edges, 1, len(points) - 1), len(points)]
-    picks = drawn_from(edges, tries, rng)
+    picks = draw_samples(edges, tries, rng)
     matrices, values = whole[picks], sorted_points.y_m[picks]
     turned = matrices.transpose(0, 2, 1)
     guesses = np.linalg.solve(turned @ matrices + RIDGE * np.eye(size), (turned @ values[..., None]))[..., 0]
@@ -70,7 +70,7 @@ def consensus(
     agrees = np.abs(guesses @ whole[voters].T - sorted_points.y_m[voters]) < inlier_m
     best_first = np.argsort(-(agrees @ weight[voters]), kind="stable")
     best = [
-        _refined(
+        _refine_curve(
             sorted_points,
             whole,
             weight,
@@ -87,12 +87,12 @@ def consensus(
     )
 
 
-def drawn_from(edges: Array | NDArray[np.int64], tries: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def draw_samples(edges: Array | NDArray[np.int64], tries: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """``tries`` rows of random indices, one from each range between neighbours of ``edges``."""
     return np.floor(edges[:-1] + rng.random((tries, len(edges) - 1)) * np.diff(edges)).astype(np.int64)
 
 
-def _refined(
+def _refine_curve(
     points: Points, whole: Array, weight: Array, kept: Mask, *, inlier_m: float, least: float
 ) -> Curve | None:
     """Least squares through the points ``kept``, iterated with the inliers of each solution."""
@@ -118,7 +118,7 @@ def along(curve: Curve | None, basis: Basis) -> Boundary | None:
     if far - near < 2 * STEP_M:
         return None
     coefficients = curve.coefficients
-    return sampled(lambda x_m: basis(x_m) @ coefficients, near, far, curve.agreed, curve.residual_m)
+    return sample_curve(lambda x_m: basis(x_m) @ coefficients, near, far, curve.agreed, curve.residual_m)
 
 
 def polynomial(degree: int) -> Basis:
@@ -142,7 +142,7 @@ def largest_consensus(
 ) -> Boundaries:
     """For each side the curve, of all ``families``, with the largest consensus."""
 
-    def fitted(points: Points) -> Boundary | None:
+    def fit_points(points: Points) -> Boundary | None:
         best: Boundary | None = None
         most = 0.0
         for basis in families:
@@ -152,7 +152,7 @@ def largest_consensus(
                 best, most = along(curve, basis), agreed
         return best
 
-    return each_side(evidence, fitted)
+    return each_side(evidence, fit_points)
 
 
 def ransac_line(evidence: Evidence, *, inlier_m: Positive = 0.15, tries: Tries = 60) -> Boundaries:
@@ -209,10 +209,10 @@ def ransac_bezier(
     Limit: lines that begin outside of its corridor; the score has no memory.
     """
 
-    def fitted(points: Points) -> Boundary | None:
+    def fit_points(points: Points) -> Boundary | None:
         if len(points) < 2 * samples or np.ptp(points.x_m) < 2 * STEP_M:
             return None
-        picks = drawn_from(np.linspace(0, len(points), samples + 1), tries, evidence.rng)
+        picks = draw_samples(np.linspace(0, len(points), samples + 1), tries, evidence.rng)
         control = control_points(np.stack([points.x_m[picks], points.y_m[picks]], axis=-1))
         curves = bezier_points(control, np.linspace(0, 1, 24))
         scores = [_score(curve, legs, points, inlier_m) for curve, legs in zip(curves, control, strict=True)]
@@ -221,7 +221,7 @@ def ransac_bezier(
             return None
         return _through(points.where(kept))
 
-    return each_side(evidence, fitted)
+    return each_side(evidence, fit_points)
 
 
 def _score(curve: Array, legs: Array, points: Points, inlier_m: float) -> float:
@@ -244,5 +244,5 @@ def _through(points: Points) -> Boundary:
     curve = bezier_points(control_points(np.column_stack([points.x_m, points.y_m])), np.linspace(0, 1, 60))
     curve = curve[np.argsort(curve[:, 0])]
     near, far = float(points.x_m[0]), float(points.x_m[-1])
-    boundary = sampled(lambda x_m: np.interp(x_m, *curve.T), near, far, points)
+    boundary = sample_curve(lambda x_m: np.interp(x_m, *curve.T), near, far, points)
     return replace(boundary, residual_m=rms(points.y_m - boundary.at(points.x_m)))

@@ -78,7 +78,7 @@ class GroundView:
         """Distance x [m] ahead of the rear axle of the nearest road in the middle of the picture."""
         return float(np.nanmin(np.where(self.ahead_m > 0, self.ahead_m, np.nan)))
 
-    def cropped(self, box: "PixelBox") -> "GroundView":
+    def crop(self, box: "PixelBox") -> "GroundView":
         """The view of the part of the picture inside ``box``, one for every frame that has this box."""
         if box not in self._parts:
             if len(self._parts) == MOST_PARTS:
@@ -100,7 +100,7 @@ class GroundView:
             seen=None if self.seen is None else self.seen[box.rows, box.columns],
         )
 
-    def resized(self, width_px: int, height_px: int) -> "GroundView":
+    def resize(self, width_px: int, height_px: int) -> "GroundView":
         """The view of the area-averaged picture: pixel u of it is centred on s·(u + ½) − ½."""
         sx, sy = width_px / self.width_px, height_px / self.height_px
         scale = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
@@ -191,14 +191,14 @@ class Boundaries:
     reason: str = ""  # for a missing side
 
     @property
-    def found(self) -> list[tuple[Boundary, float]]:
+    def signed_sides(self) -> list[tuple[Boundary, float]]:
         """The sides that were found, with their signs: +1 left, −1 right."""
         return [(side, sign) for side, sign in ((self.left, 1.0), (self.right, -1.0)) if side is not None]
 
     @property
-    def seen(self) -> int:
+    def side_count(self) -> int:
         """The number of sides: 0, 1 or 2."""
-        return len(self.found)
+        return len(self.signed_sides)
 
     def each(self, change: Callable[[Boundary], Boundary | None]) -> "Boundaries":
         """The boundaries with ``change`` applied to the sides that were found."""
@@ -206,7 +206,7 @@ class Boundaries:
         return replace(self, left=left, right=right)
 
 
-def _seeded() -> np.random.Generator:
+def _seeded_generator() -> np.random.Generator:
     return np.random.default_rng(0)
 
 
@@ -217,7 +217,7 @@ class Evidence:
     features: Features
     view: GroundView
     predicted: Boundaries | None = None  # those of the last frame in the present vehicle frame
-    rng: np.random.Generator = field(default_factory=_seeded)
+    rng: np.random.Generator = field(default_factory=_seeded_generator)
 
 
 @dataclass(frozen=True)
@@ -237,26 +237,26 @@ class FrameMotion:
     yaw_rate_radps: float | None
 
     @property
-    def moved_m(self) -> float:
+    def distance_m(self) -> float:
         """Distance travelled; 0 for an unknown speed."""
         return (self.speed_mps or 0.0) * self.dt_s
 
     @property
-    def turned_rad(self) -> float:
+    def turn_rad(self) -> float:
         """Angle turned to the left; 0 for an unknown yaw rate."""
         return (self.yaw_rate_radps or 0.0) * self.dt_s
 
 
-def moved(boundaries: Boundaries, motion: FrameMotion) -> Boundaries:
+def move_boundaries(boundaries: Boundaries, motion: FrameMotion) -> Boundaries:
     """The same boundaries on the road, in the frame of the vehicle after ``motion``.
 
     Points p become R(−φ)·(p − t), with the chord t of an arc of length s that turns by φ.
     """
-    along_m, aside_m = chord(motion.moved_m, motion.turned_rad)
-    cos, sin = np.cos(motion.turned_rad), np.sin(motion.turned_rad)
+    along_m, aside_m = chord(motion.distance_m, motion.turn_rad)
+    cos, sin = np.cos(motion.turn_rad), np.sin(motion.turn_rad)
 
-    def turned(side: Boundary) -> Boundary:
+    def turn_side(side: Boundary) -> Boundary:
         x, y = side.x_m - along_m, side.y_m - aside_m
         return replace(side, x_m=cos * x + sin * y, y_m=cos * y - sin * x)
 
-    return boundaries.each(turned)
+    return boundaries.each(turn_side)

@@ -45,7 +45,7 @@ def roi_tracked(
     degree. Source: R II.A. Limit: a boundary that jumps, such as a new lane, until it is lost.
     """
     box = _rows(view, reach_m)
-    if predicted is None or predicted.seen < 2:  # the missing side may be anywhere
+    if predicted is None or predicted.side_count < 2:  # the missing side may be anywhere
         return Region(box)
     mask = near(view, predicted, half_width_m=half_width_m, growth=growth)
     mask[: box.top_px] = False
@@ -82,8 +82,8 @@ def near(view: GroundView, boundaries: Boundaries, *, half_width_m: float, growt
     columns = np.arange(view.width_px, dtype=float)
     mask = np.zeros((view.height_px, view.width_px), bool)
     reach_px = (half_width_m + growth * np.maximum(view.ahead_m, 0)) / view.pixel_m
-    for side, _ in boundaries.found:
-        pixels = view.pixels(_extended(side))
+    for side, _ in boundaries.signed_sides:
+        pixels = view.pixels(_extend_side(side))
         pixels = pixels[np.isfinite(pixels).all(axis=1)]
         if not len(pixels):
             continue
@@ -94,7 +94,7 @@ def near(view: GroundView, boundaries: Boundaries, *, half_width_m: float, growt
     return mask
 
 
-def _extended(side: Boundary, *, near_m: float = 0.5, far_m: float = 100.0) -> Array:
+def _extend_side(side: Boundary, *, near_m: float = 0.5, far_m: float = 100.0) -> Array:
     """Points (x, y) of the boundary, with its tangents at both ends drawn on."""
     x, y = side.x_m, side.y_m
     step = max(1, len(x) // 4)

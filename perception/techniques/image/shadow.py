@@ -44,7 +44,7 @@ def without_shadows(
     if not shadow.any():
         return image
     logs = np.log(image[road].astype(np.float32) + DARK)
-    flat = np.stack([reintegrated(logs[:, :, i], shadow) for i in range(3)], axis=2)
+    flat = np.stack([reintegrate(logs[:, :, i], shadow) for i in range(3)], axis=2)
     shift = logs - flat  # one value in the sun, others in each shadow
     sunny = shift.mean(axis=2) >= np.percentile(shift.mean(axis=2), SUNNY)
     clean = image.copy()
@@ -101,7 +101,7 @@ def _gradient(values: Floats) -> tuple[Floats, Floats]:
     return np.asarray(across, np.float32), np.asarray(down, np.float32)
 
 
-def reintegrated(values: Floats, without: Mask) -> Floats:
+def reintegrate(values: Floats, without: Mask) -> Floats:
     """The image of mean 0 whose differences are those of ``values``, but 0 at ``without``.
 
     Least squares: ∇²u = div p with ∂u/∂n = 0. The cosine transform makes the Laplacian diagonal,

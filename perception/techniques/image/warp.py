@@ -22,7 +22,7 @@ FIT_ROUNDS = 8
 def area_resize(image: Image, view: GroundView, *, scale: PositiveShare = 0.5) -> tuple[Image, GroundView]:
     """The picture scaled down by averaging areas, which keeps its mean grey (A05, A21). Source: R [13]; D 4.1."""
     size = (max(16, round(view.width_px * scale)), max(16, round(view.height_px * scale)))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), view.resized(*size)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), view.resize(*size)
 
 
 def bird_eye(
@@ -79,15 +79,15 @@ class BirdEyeSelf:
         self._change_rad: float | None = None
 
     def step(self, image: Image, view: GroundView) -> tuple[Image, GroundView]:
-        """As :func:`bird_eye`, after :func:`pitched` by the smoothed change of pitch."""
+        """As :func:`bird_eye`, after :func:`pitch_view` by the smoothed change of pitch."""
         change = pitch_change_rad(image, view)
         if change is not None and abs(change) <= self._most_rad:
             old = change if self._change_rad is None else self._change_rad
             self._change_rad = self._memory * old + (1 - self._memory) * change
-        return bird_eye(image, pitched(view, self._change_rad or 0.0), **self._size)
+        return bird_eye(image, pitch_view(view, self._change_rad or 0.0), **self._size)
 
 
-def pitched(view: GroundView, change_rad: float) -> GroundView:
+def pitch_view(view: GroundView, change_rad: float) -> GroundView:
     """The view with the camera turned down by ``change_rad`` more."""
     camera = view.camera.model_copy(update=dict(pitch_down_rad=view.camera.pitch_down_rad + change_rad))
     picture_from_image = view.pixel_from_ground @ np.linalg.inv(view.camera.pixel_from_road_matrix)

@@ -74,7 +74,7 @@ def exact_pair(boundaries: Boundaries, view: GroundView, *, width_m: Positive = 
         return None
     psi = lane.heading_rad
     offset_m = lane.offset_m - camera.x_m * math.sin(psi) - camera.y_m * math.cos(psi)
-    return MeasuredLane(Lane(offset_m, psi, 0.0, 0.0), lane.width_m if boundaries.seen == 2 else None)
+    return MeasuredLane(Lane(offset_m, psi, 0.0, 0.0), lane.width_m if boundaries.side_count == 2 else None)
 
 
 def beside(boundary: Boundary, aside_m: float) -> Boundary:
@@ -105,7 +105,7 @@ def ground_curve(
     At the rear axle ψ = −atan(c₁), e = −c₀·cosψ, κ = 2c₂·cos³ψ, κ' = 6c₃·cos⁴ψ. With one boundary W is ``width_m``
     and the measured width None. Source: derived, as S18. Limit: lanes that widen.
     """
-    found = boundaries.found
+    found = boundaries.signed_sides
     if not found:
         return None
     x_m = np.concatenate([boundary.x_m for boundary, _ in found])
@@ -118,10 +118,10 @@ def ground_curve(
     for _ in range(3):
         aside = side * root / 2
         if len(found) == 2:
-            solution = _solved(np.column_stack([powers, aside]), y_m, weight)
+            solution = _solve_weighted(np.column_stack([powers, aside]), y_m, weight)
             c, found_m = solution[:-1], float(solution[-1])
         else:
-            c = _solved(powers, y_m - aside * width_m, weight)
+            c = _solve_weighted(powers, y_m - aside * width_m, weight)
         root = np.sqrt(1 + polynomial.polyval(x_m, polynomial.polyder(c)) ** 2)
     c = np.pad(c, (0, 4 - len(c)))
     psi = -math.atan(c[1])
@@ -136,12 +136,12 @@ def _weights(boundary: Boundary) -> Array:
     return np.full(len(boundary.x_m), trust / len(boundary.x_m))
 
 
-def _solved(matrix: Array, values: Array, weight: Array) -> Array:
+def _solve_weighted(matrix: Array, values: Array, weight: Array) -> Array:
     root = np.sqrt(weight)
     return np.asarray(np.linalg.lstsq(matrix * root[:, None], values * root, rcond=None)[0], float)
 
 
-def drawn(
+def draw_boundaries(
     lane: Lane, width_m: float, *, near_m: float, far_m: float, residual_m: float, support: float
 ) -> Boundaries:
     """Both boundaries of a lane as curves on the road: the inverse of :func:`ground_curve`."""

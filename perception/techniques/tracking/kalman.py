@@ -14,7 +14,7 @@ from perception.techniques.tracking.model import (
     MEASURED,
     WIDTH,
     TrackState,
-    expected,
+    expected_offsets,
     expected_slope,
     initial,
     moved_state,
@@ -55,32 +55,30 @@ class _Gaussian(ABC):
         if self._track is None:
             self._track, self._refused_s = initial(boundaries), 0.0
             return boundaries
-        before = self._predicted(self._track, motion)
-        after = self._updated(before, boundaries) if boundaries.seen else None
+        before = self._predict(self._track, motion)
+        after = self._update(before, boundaries) if boundaries.side_count else None
         if after is not None:
             self._track, self._refused_s = after, 0.0
             return after.boundaries(boundaries.reason)
-        self._refused_s += motion.dt_s if boundaries.seen else 0.0
-        self._track = before.unmeasured(motion)
-        if self._refused_s > RESTART_S or self._track.expired:
+        self._refused_s += motion.dt_s if boundaries.side_count else 0.0
+        self._track = before.without_measurement(motion)
+        if self._refused_s > RESTART_S or self._track.is_expired:
             self._track = initial(boundaries)
             return boundaries
         return self._track.boundaries(boundaries.reason or "the lines are not those of the tracked lane")
 
-    def _predicted(self, track: TrackState, motion: FrameMotion) -> TrackState:
+    def _predict(self, track: TrackState, motion: FrameMotion) -> TrackState:
         matrix = transition(motion)
         covariance = matrix @ track.covariance @ matrix.T + process_noise(motion)
         return replace(track, mean=moved_state(track.mean, motion), covariance=covariance)
 
-    def _corrected(
-        self, track: TrackState, innovation: Array, slope: Array, noise: Array
-    ) -> TrackState | None:
+    def _correct(self, track: TrackState, innovation: Array, slope: Array, noise: Array) -> TrackState | None:
         if nis(track.covariance, innovation, slope, noise) > self._gate * len(innovation):
             return None
         return TrackState(*update(track.mean, track.covariance, innovation, slope, noise))
 
     @abstractmethod
-    def _updated(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
+    def _update(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
         """The track after the measurement; None outside of the gate."""
 
 
@@ -91,14 +89,14 @@ class Kalman(_Gaussian):
     with the tracked width. Limit: far parts of a boundary count as much as near ones.
     """
 
-    def _predicted(self, track: TrackState, motion: FrameMotion) -> TrackState:
+    def _predict(self, track: TrackState, motion: FrameMotion) -> TrackState:
         """x' = Fx + u, the linear form of the motion."""
         matrix = transition(motion)
-        turned = np.array([motion.moved_m / 2, 1.0, 0.0, 0.0]) * motion.turned_rad
+        turned = np.array([motion.distance_m / 2, 1.0, 0.0, 0.0]) * motion.turn_rad
         covariance = matrix @ track.covariance @ matrix.T + process_noise(motion)
         return replace(track, mean=matrix @ track.mean + turned, covariance=covariance)
 
-    def _updated(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
+    def _update(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
         measurement = ground_curve(boundaries, width_m=float(track.mean[WIDTH]))
         if measurement is None:
             return None
@@ -106,25 +104,25 @@ class Kalman(_Gaussian):
         measured = np.array(values if width_m is None else [*values, width_m])
         slope = np.eye(4)[: len(measured)]
         noise = np.diag(MEASURED[: len(measured)] ** 2)
-        return self._corrected(track, measured - slope @ track.mean, slope, noise)
+        return self._correct(track, measured - slope @ track.mean, slope, noise)
 
 
-class Extended(_Gaussian):
+class ExtendedKalman(_Gaussian):
     """Extended Kalman filter: places of the boundaries measure the structure of the road (T02, B26).
 
     Source: R [77], [73]. No curve is fitted in one frame, so a dash is a measurement too; H is the slope of
-    :func:`expected` at the prediction.
+    :func:`expected_offsets` at the prediction.
     """
 
-    def _updated(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
+    def _update(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
         samples = samples_of(boundaries)
         if not len(samples):
             return None
-        innovation, noise = samples.y_m - expected(track.mean, samples), np.diag(samples.sigma_m**2)
-        return self._corrected(track, innovation, expected_slope(track.mean, samples), noise)
+        innovation, noise = samples.y_m - expected_offsets(track.mean, samples), np.diag(samples.sigma_m**2)
+        return self._correct(track, innovation, expected_slope(track.mean, samples), noise)
 
 
-class Unscented(_Gaussian):
+class UnscentedKalman(_Gaussian):
     """Unscented Kalman filter: the same road, without slopes (T02). Source: R [73].
 
     2n + 1 points x̄ ± √((n+λ)P) through motion and measurement; Julier and Uhlmann, Unscented Filtering and
@@ -132,18 +130,18 @@ class Unscented(_Gaussian):
     points).
     """
 
-    def _predicted(self, track: TrackState, motion: FrameMotion) -> TrackState:
+    def _predict(self, track: TrackState, motion: FrameMotion) -> TrackState:
         points = moved_state(spread(track.mean, track.covariance), motion)
         mean = points.mean(axis=0)
         covariance = (points - mean).T @ (points - mean) / len(points) + process_noise(motion)
         return replace(track, mean=mean, covariance=covariance)
 
-    def _updated(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
+    def _update(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
         samples = samples_of(boundaries)
         if not len(samples):
             return None
         points = spread(track.mean, track.covariance)
-        predicted = expected(points, samples)
+        predicted = expected_offsets(points, samples)
         middle = predicted.mean(axis=0)
         total = (predicted - middle).T @ (predicted - middle) / len(points) + np.diag(samples.sigma_m**2)
         cross = (points - track.mean).T @ (predicted - middle) / len(points)

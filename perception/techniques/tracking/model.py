@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.techniques.image.picture import Boundaries, FrameMotion
-from perception.techniques.steering.lane import drawn, ground_curve
-from trepid.clothoid import Lane, advanced
+from perception.techniques.steering.lane import draw_boundaries, ground_curve
+from trepid.clothoid import Lane, advance_clothoid
 from trepid.types import Array
 
 E, PSI, KAPPA, WIDTH = range(4)
@@ -30,25 +30,27 @@ NEAR_M, FAR_M = 3.0, 25.0
 def moved_state(state: Array, motion: FrameMotion) -> Array:
     """The state after ``motion`` (`trepid.clothoid`), shape (…, 4). A yaw rate of None: the lane is followed."""
     e, psi, kappa, width = (state[..., i] for i in range(4))
-    follows = kappa * motion.moved_m
-    turned = np.full_like(kappa, motion.turned_rad) if motion.yaw_rate_radps is not None else follows
-    moved = advanced(e, psi, kappa, np.zeros_like(kappa), way_m=motion.moved_m, turned_rad=turned, sin=np.sin)
+    follows = kappa * motion.distance_m
+    turned = np.full_like(kappa, motion.turn_rad) if motion.yaw_rate_radps is not None else follows
+    moved = advance_clothoid(
+        e, psi, kappa, np.zeros_like(kappa), way_m=motion.distance_m, turned_rad=turned, sin=np.sin
+    )
     return np.stack([*moved, width], axis=-1)
 
 
 def transition(motion: FrameMotion) -> Array:
     """∂(moved state)/∂(state) for small angles, shape (4, 4)."""
     matrix = np.eye(4)
-    matrix[E, PSI] = motion.moved_m
+    matrix[E, PSI] = motion.distance_m
     if motion.yaw_rate_radps is not None:
-        matrix[E, KAPPA] = -(motion.moved_m**2) / 2
-        matrix[PSI, KAPPA] = -motion.moved_m
+        matrix[E, KAPPA] = -(motion.distance_m**2) / 2
+        matrix[PSI, KAPPA] = -motion.distance_m
     return matrix
 
 
 def process_noise(motion: FrameMotion) -> Array:
     """Covariance added on the way, shape (4, 4)."""
-    return np.diag(NOISE**2 * (abs(motion.moved_m) + STILL_M))
+    return np.diag(NOISE**2 * (abs(motion.distance_m) + STILL_M))
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Samples:
 def samples_of(boundaries: Boundaries) -> Samples:
     """The boundaries at ``SAMPLES_M``, as far as they reach; their errors are correlated, so n count as two."""
     parts = []
-    for boundary, side in boundaries.found:
+    for boundary, side in boundaries.signed_sides:
         inside = SAMPLES_M[(boundary.x_m[0] <= SAMPLES_M) & (boundary.x_m[-1] >= SAMPLES_M)]
         sigma = np.hypot(np.hypot(LINE_M, boundary.residual_m), LINE_PER_M * inside)
         sigma *= math.sqrt(max(1.0, len(inside) / 2))
@@ -76,7 +78,7 @@ def samples_of(boundaries: Boundaries) -> Samples:
     return Samples(x_m, y_m, side_of, sigma_m)
 
 
-def expected(state: Array, samples: Samples) -> Array:
+def expected_offsets(state: Array, samples: Samples) -> Array:
     """y of the boundaries at ``samples``: −e/cosψ − x·tanψ + κx²/2cos³ψ ± W/2·√(1+y'²); shape (…, n) of (…, 4)."""
     e, psi, kappa, width = (state[..., i, None] for i in range(4))
     cos = np.cos(psi)
@@ -88,7 +90,9 @@ def expected(state: Array, samples: Samples) -> Array:
 def expected_slope(state: Array, samples: Samples, *, step: float = 1e-5) -> Array:
     """∂(expected)/∂(state) by central differences, shape (n, 4)."""
     nudge = step * np.eye(4)
-    return (expected(state + nudge, samples) - expected(state - nudge, samples)).T / (2 * step)
+    return (expected_offsets(state + nudge, samples) - expected_offsets(state - nudge, samples)).T / (
+        2 * step
+    )
 
 
 @dataclass(frozen=True)
@@ -100,13 +104,13 @@ class TrackState:
     unseen_s: float = 0.0
     unseen_m: float = 0.0
 
-    def unmeasured(self, motion: FrameMotion) -> "TrackState":
+    def without_measurement(self, motion: FrameMotion) -> "TrackState":
         """The state after a frame without a measurement."""
-        unseen_s, unseen_m = self.unseen_s + motion.dt_s, self.unseen_m + abs(motion.moved_m)
+        unseen_s, unseen_m = self.unseen_s + motion.dt_s, self.unseen_m + abs(motion.distance_m)
         return replace(self, unseen_s=unseen_s, unseen_m=unseen_m)
 
     @property
-    def expired(self) -> bool:
+    def is_expired(self) -> bool:
         """Whether the lane has been unseen for too long."""
         return self.unseen_s > FORGET_S or self.unseen_m > FORGET_M
 
@@ -116,7 +120,9 @@ class TrackState:
         lane = Lane(e, psi, kappa, 0.0)
         support = math.exp(-self.unseen_s / FORGET_S - self.unseen_m / FORGET_M)
         residual_m = math.sqrt(max(float(self.covariance[E, E]), 0.0))
-        both = drawn(lane, width_m, near_m=NEAR_M, far_m=FAR_M, residual_m=residual_m, support=support)
+        both = draw_boundaries(
+            lane, width_m, near_m=NEAR_M, far_m=FAR_M, residual_m=residual_m, support=support
+        )
         return Boundaries(both.left, both.right, reason)
 
 

@@ -18,7 +18,7 @@ from perception.techniques.tracking.model import (
     WIDTH,
     E,
     TrackState,
-    expected,
+    expected_offsets,
     initial,
     moved_state,
     samples_of,
@@ -37,9 +37,9 @@ class _Unseen:
 
     def after(self, boundaries: Boundaries, motion: FrameMotion) -> None:
         """Count this frame."""
-        measured = boundaries.seen > 0
+        measured = boundaries.side_count > 0
         self.unseen_s = 0.0 if measured else self.unseen_s + motion.dt_s
-        self.unseen_m = 0.0 if measured else self.unseen_m + abs(motion.moved_m)
+        self.unseen_m = 0.0 if measured else self.unseen_m + abs(motion.distance_m)
 
 
 class Particles:
@@ -68,18 +68,18 @@ class Particles:
             self._particles = self._from(boundaries, self._count)
             return boundaries
         self._particles = moved_state(self._particles, motion)
-        sigma = NOISE * np.sqrt(abs(motion.moved_m) + STILL_M)
+        sigma = NOISE * np.sqrt(abs(motion.distance_m) + STILL_M)
         self._particles += sigma * self._rng.standard_normal(self._particles.shape)
         weight = np.full(self._count, 1 / self._count)
-        if boundaries.seen:
+        if boundaries.side_count:
             new = self._from(boundaries, round(self._fresh * self._count))
             if new is not None and len(new):
                 self._particles[: len(new)] = new
             weight = likelihood(self._particles, boundaries)
         track = self._track(weight)
-        self._particles = self._particles[resampled(weight, self._rng)]
+        self._particles = self._particles[resample_indices(weight, self._rng)]
         self._rng.shuffle(self._particles)  # the first of them are replaced in the next step
-        if track.expired:
+        if track.is_expired:
             self._particles = None
             return boundaries
         return track.boundaries(boundaries.reason)
@@ -112,13 +112,13 @@ def likelihood(states: Array, boundaries: Boundaries) -> Array:
     samples = samples_of(boundaries)
     if not len(samples):
         return np.full(len(states), 1 / len(states))
-    off = ((expected(states, samples) - samples.y_m) / samples.sigma_m) ** 2 / 2
+    off = ((expected_offsets(states, samples) - samples.y_m) / samples.sigma_m) ** 2 / 2
     sides = [off[:, samples.side == side].sum(axis=1) for side in (1.0, -1.0)]
     weight = np.prod([np.exp(-side) + OUTLIER for side in sides], axis=0)
     return np.asarray(weight / weight.sum(), float)
 
 
-def resampled(weight: Array, rng: np.random.Generator) -> Array:
+def resample_indices(weight: Array, rng: np.random.Generator) -> Array:
     """Indices of n particles drawn systematically by weight: one random number for all (Kitagawa 1996)."""
     places = (np.arange(len(weight)) + rng.random()) / len(weight)
     return np.searchsorted(np.cumsum(weight) / weight.sum(), places).clip(0, len(weight) - 1)
@@ -150,14 +150,14 @@ class Bayes:
             self._shape = frame.mean[[KAPPA, WIDTH]]
             self._grid = np.ones((len(self.OFFSETS), len(self.HEADINGS)))
         else:
-            self._grid = self._moved(self._grid, motion)
+            self._grid = self._move_grid(self._grid, motion)
         if frame is not None:
             known = np.array([1.0, frame.covariance[WIDTH, WIDTH] < PRIOR_SIGMA[WIDTH] ** 2])
             self._shape = self._shape + self._smoothing * known * (frame.mean[[KAPPA, WIDTH]] - self._shape)
             self._grid = self._grid * likelihood(self._states(), boundaries).reshape(self._grid.shape)
         self._grid = self._grid / self._grid.sum() + 1e-6 / self._grid.size  # no cell is impossible
         track = self._track(self._grid)
-        if track.expired:
+        if track.is_expired:
             self._grid = None
             return boundaries
         return track.boundaries(boundaries.reason)
@@ -167,7 +167,7 @@ class Bayes:
         kappa, width = np.broadcast_to(self._shape[0], e.shape), np.broadcast_to(self._shape[1], e.shape)
         return np.stack([e, psi, kappa, width], axis=-1).reshape(-1, 4)
 
-    def _moved(self, grid: Array, motion: FrameMotion) -> Array:
+    def _move_grid(self, grid: Array, motion: FrameMotion) -> Array:
         """The grid with every cell moved by the motion, bilinearly, and blurred by the noise of the way."""
         states = moved_state(self._states(), motion)
         rows = (states[:, E] - self.OFFSETS[0]) / (self.OFFSETS[1] - self.OFFSETS[0])
@@ -180,7 +180,7 @@ class Bayes:
                 inside = (row + down >= 0) & (row + down < grid.shape[0])
                 inside &= (column + right >= 0) & (column + right < grid.shape[1])
                 np.add.at(after, (row[inside] + down, column[inside] + right), (share * grid.ravel())[inside])
-        noise = NOISE[[E, PSI]] * np.sqrt(abs(motion.moved_m) + STILL_M)
+        noise = NOISE[[E, PSI]] * np.sqrt(abs(motion.distance_m) + STILL_M)
         cells = noise / [self.OFFSETS[1] - self.OFFSETS[0], self.HEADINGS[1] - self.HEADINGS[0]]
         return np.asarray(gaussian_filter(after, cells, mode="constant"), float)
 

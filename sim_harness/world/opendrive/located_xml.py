@@ -14,7 +14,7 @@ from typing import Any
 from lxml import etree
 
 from trepid.config import InputError
-from trepid.files.decoding import UndecodableText, decoded, mark_and_encoding, refuse_packed
+from trepid.files.decoding import UndecodableText, decode_text, mark_and_encoding, refuse_packed
 
 MAX_COORDINATE = 1e9  # beyond any coordinate on Earth [m]
 _START_TAG = re.compile(
@@ -124,7 +124,7 @@ def read_xml(path: Path) -> Element:
     parser = etree.XMLParser(resolve_entities=False, no_network=True, encoding="utf-8" if told else None)
     try:
         refuse_packed(data)
-        data = decoded(data).encode() if told else data
+        data = decode_text(data).encode() if told else data
         root = etree.fromstring(data, parser)
         text = data.decode("utf-8" if told else root.getroottree().docinfo.encoding or "utf-8")
     except etree.XMLSyntaxError as error:

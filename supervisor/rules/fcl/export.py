@@ -72,10 +72,10 @@ def _rule(rule: Rule) -> str:
 def _options(rules: FearRules) -> list[str]:
     file = rules.file
     lines = ["OPTION", f"  METHOD := {file.method};"]
-    lines += [f"  CAUSE {name} := {_quoted(meaning)};" for name, meaning in file.causes.items()]
+    lines += [f"  CAUSE {name} := {_quote(meaning)};" for name, meaning in file.causes.items()]
     lines += [f"  WITHOUT {cause};" for cause in file.without]
     for name, spec in file.inputs.items():
-        lines += [f"  MEANING {name} := {_quoted(spec.meaning)};", f"  UNIT {name} := {_quoted(spec.unit)};"]
+        lines += [f"  MEANING {name} := {_quote(spec.meaning)};", f"  UNIT {name} := {_quote(spec.unit)};"]
         lines += [f"  RISK {name} := {spec.risk};", f"  MISSING {name} := {spec.missing};"]
         lines.append(f"  BEYOND {name} := {spec.beyond};")
     for level, action in zip(LEVELS, file.fear.all, strict=True):
@@ -87,5 +87,5 @@ def _options(rules: FearRules) -> list[str]:
     return [*lines, "END_OPTION"]
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return "'" + text.replace("$", "$$").replace("'", "$'").replace("\n", " ") + "'"

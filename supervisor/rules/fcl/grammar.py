@@ -137,7 +137,7 @@ class Source:
             self.fail(place, f"{self._text[at]!r} {what}")
         shown = repr(got) if got else "the end of the file"
         words = [word for word in KEYWORDS if {word, f"_{word}"} & accepted]
-        self.fail(place, f"expected {_expected(accepted, words)}, got {shown}{hint(got, words)}")
+        self.fail(place, f"expected {_expected_words(accepted, words)}, got {shown}{hint(got, words)}")
 
 
 def hint(word: str, known: Iterable[str]) -> str:
@@ -147,7 +147,7 @@ def hint(word: str, known: Iterable[str]) -> str:
     return f"; {question}" if question else ""
 
 
-def _expected(accepted: set[str], words: list[str]) -> str:
+def _expected_words(accepted: set[str], words: list[str]) -> str:
     if "$END" in accepted:
         return "the end of the file: one function block is a rule file"
     if {"NAME", "NUMBER", "TEXT"} <= accepted:

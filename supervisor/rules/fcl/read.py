@@ -64,7 +64,7 @@ class _Reader:
             assert isinstance(block, Tree)
             read: Callable[[list[Any]], None] = getattr(self, str(block.data))
             read(block.children)
-        return self.checked()
+        return self.check()
 
     def spell(self, blocks: list[Any]) -> None:
         """Write the names of sets and variables in small letters: capitals make no difference in IEC 61131-3."""
@@ -191,7 +191,7 @@ class _Reader:
         if not good:
             self.source.fail(token, f"expected {expected}")
 
-    def checked(self) -> RuleFile:
+    def check(self) -> RuleFile:
         for level, place in zip(LEVELS, self.peaks(FEAR), strict=True):
             self.data["fear"][level]["at"] = place
         for name in (name for name in self.outputs if name != FEAR):

@@ -194,7 +194,7 @@ def test_the_verb_writes_a_camera_file_that_loads_as_the_camera(tmp_path):
     printed, written = json.loads(done.stdout), load(out, Camera)
     assert printed["model"] == "equidistant" and printed["fit_px"] < 0.5
     points = rays(math.radians(40.0))
-    exact = import_camera(info, MOUNTING).camera.resized(320, 240)
+    exact = import_camera(info, MOUNTING).camera.resize(320, 240)
     seen = inside(shown(exact, points))
     assert np.abs(shown(written, points) - shown(exact, points))[seen].max() < 0.01
     assert isinstance(CliRunner().invoke(app, words).exception, InputError), "never overwritten"

@@ -8,8 +8,8 @@ from cockpit.car.donkeycar import read_donkeycar
 from trepid.cli import main
 from trepid.config import CAR, use_car
 from vehicle.actuators.rc.settings import PcaSettings
-from vehicle.actuators.table import configured as configured_actuator
-from vehicle.cameras.table import configured as configured_camera
+from vehicle.actuators.table import configured_actuator
+from vehicle.cameras.table import configured_source as configured_camera
 
 # As `donkey createcar` writes it (donkeycar 5.3), with the usual edits.
 MYCONFIG = """\

@@ -11,7 +11,7 @@ from message_rig import decision as some_decision
 from websockets.sync.client import ClientConnection, connect
 
 from drive.open_road import OpenRoad
-from drive.plan import planned
+from drive.plan import plan_processes
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns, seconds
 from trepid.config import InputError
@@ -117,14 +117,16 @@ def test_the_server_runs_when_asked_for_and_its_loss_changes_nothing() -> None:
     specs = load_processes()
     (spec,) = [spec for spec in specs if spec.name == "foxglove"]
     assert spec.loss == "nothing" and spec.publishes == ()
-    assert spec not in planned(specs, OpenRoad()) and spec in planned(specs, OpenRoad(), foxglove=True)
+    assert spec not in plan_processes(specs, OpenRoad()) and spec in plan_processes(
+        specs, OpenRoad(), foxglove=True
+    )
 
 
 def test_a_car_that_leaves_the_server_out_is_refused_when_it_is_asked_for() -> None:
     specs = tuple(spec for spec in load_processes() if spec.name != "foxglove")
-    assert planned(specs, OpenRoad())
+    assert plan_processes(specs, OpenRoad())
     with pytest.raises(InputError, match=r"--foxglove: processes\.yaml of the car leaves out"):
-        planned(specs, OpenRoad(), foxglove=True)
+        plan_processes(specs, OpenRoad(), foxglove=True)
 
 
 def test_a_port_in_use_is_replaced_by_a_free_one() -> None:

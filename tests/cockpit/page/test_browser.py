@@ -18,7 +18,7 @@ from process_rig import until
 from sim_harness.lockstep.closed_loop import Instant, run
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import ROOT
-from trepid.images.jpeg import encoded
+from trepid.images.jpeg import encode_jpeg
 from trepid.messages import Limit, Mode, Stop
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording
@@ -509,7 +509,7 @@ def test_no_request_leaves_the_machine_and_the_console_has_no_error(seen):
 def test_the_picture_of_the_page_in_the_docs_is_that_of_a_drive(seen, tmp_path):
     """``TREPID_SCREENSHOT=1`` writes docs/page.jpg again; else its size and freshness of layout are checked."""
     last = driven()
-    seen.scene.picture = encoded(last.frame).jpeg
+    seen.scene.picture = encode_jpeg(last.frame).jpeg
     seen.scene.estimates = dict(last.estimates)
     seen.scene.confidence = {name: one.confidence for name, one in last.estimates.items()}
     path = ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "curvature_rate_1pm2", "lookahead_m")

@@ -21,7 +21,7 @@ from trepid.cli import app
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CAR, InputError, use_car
 from trepid.messages import Diagnostic, Health
-from trepid.processes.register import Running, registered, running, ticks
+from trepid.processes.register import Running, register_drive, running, ticks
 from trepid.security import LAUNCHER, OBSERVER, drive_endpoint, session_settings
 from trepid.topics import DIAGNOSTICS
 from vehicle.keys.certificates import create
@@ -59,7 +59,10 @@ def reporting(car: Path | None = None) -> Iterator[list[Diagnostic]]:
     )
     reports: list[Diagnostic] = []
     done = threading.Event()
-    with open_bus("car", epoch_clock(offset_ns), listen=endpoint, further=secured) as bus, registered(drive):
+    with (
+        open_bus("car", epoch_clock(offset_ns), listen=endpoint, further=secured) as bus,
+        register_drive(drive),
+    ):
         send = bus.publisher(DIAGNOSTICS)
 
         def publish() -> None:

@@ -98,8 +98,8 @@ def test_a_late_path_is_brought_forward_along_the_measured_circle():
     ahead = predictor()
     for n in range(20):
         measured = state(0.01 * n, road_wheel_angle_rad=angle, yaw_rate_radps=5.0 * curvature)
-        ahead.measured(measured, 5.0)
-        ahead.commanded(angle, now_s=0.01 * n)
+        ahead.add_state(measured, 5.0)
+        ahead.add_command(angle, now_s=0.01 * n)
     seen = lane(offset_m=0.1, curvature_1pm=curvature, curvature_rate_1pm2=0.001)
     there = when_steering_acts(ahead, seen, path_t_s=0.05, now_s=0.19)
     expected = seen
@@ -113,9 +113,9 @@ def test_a_late_path_is_brought_forward_along_the_measured_circle():
 def test_commands_on_their_way_are_counted_in():
     """A step sent 50 ms ago begins to act in 10 ms: by then + 60 ms the heading has turned with the lag."""
     ahead = predictor(vehicle(understeer_gradient_rad_per_mps2=0.0, max_road_wheel_rate_radps=100.0))
-    ahead.measured(state(0.0), 5.0)
-    ahead.commanded(0.1, now_s=0.0)
-    ahead.measured(state(0.05), 5.0)
+    ahead.add_state(state(0.0), 5.0)
+    ahead.add_command(0.1, now_s=0.0)
+    ahead.add_state(state(0.05), 5.0)
     there = when_steering_acts(ahead, lane(), path_t_s=0.05, now_s=0.05)
     acting_s, lag_s = 0.05, 0.1
     turned = 5.0 * math.tan(0.1) / 1.75 * (acting_s - lag_s * (1 - math.exp(-acting_s / lag_s)))
@@ -128,17 +128,17 @@ def test_unknown_yaw_rate_and_wheel_angle_are_taken_from_the_model_and_the_comma
     for n in range(10):
         t, rate = 0.01 * n, 5.0 * 0.05
         angle = angle_from_curvature(0.05, speed_mps=5.0, vehicle=SHUTTLE)
-        blind.commanded(angle, now_s=t)
-        seeing.commanded(angle, now_s=t)
-        blind.measured(state(t, road_wheel_angle_rad=None, yaw_rate_radps=None), 5.0)
-        seeing.measured(state(t, road_wheel_angle_rad=angle, yaw_rate_radps=rate), 5.0)
+        blind.add_command(angle, now_s=t)
+        seeing.add_command(angle, now_s=t)
+        blind.add_state(state(t, road_wheel_angle_rad=None, yaw_rate_radps=None), 5.0)
+        seeing.add_state(state(t, road_wheel_angle_rad=angle, yaw_rate_radps=rate), 5.0)
     ends = [when_steering_acts(p, lane(), path_t_s=0.0, now_s=0.09) for p in (blind, seeing)]
     assert ends[0].heading_rad == pytest.approx(ends[1].heading_rad, abs=1e-9)
 
 
 def test_a_state_older_than_the_newest_changes_nothing():
     ahead = predictor()
-    ahead.measured(state(0.1), 5.0)
+    ahead.add_state(state(0.1), 5.0)
     before = when_steering_acts(ahead, lane(heading_rad=0.1), path_t_s=0.1, now_s=0.1)
-    ahead.measured(state(0.05, road_wheel_angle_rad=0.3, yaw_rate_radps=3.0), 9.0)
+    ahead.add_state(state(0.05, road_wheel_angle_rad=0.3, yaw_rate_radps=3.0), 9.0)
     assert when_steering_acts(ahead, lane(heading_rad=0.1), path_t_s=0.1, now_s=0.1) == before

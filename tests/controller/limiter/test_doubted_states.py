@@ -49,4 +49,4 @@ def test_without_a_speed_the_stop_follows(name):
 @pytest.mark.parametrize("name", DOUBTS)
 def test_a_car_whose_wheels_were_never_seen_is_not_steered(name):
     limiter, _ = driven(DOUBTS[name], measured_s=0.0)
-    assert not limiter.wheel_seen
+    assert not limiter.has_seen_wheel

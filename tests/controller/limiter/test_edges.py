@@ -28,8 +28,8 @@ def stepped(one, now_s, *, wanted=0.0, accel=0.0, speed=10.0, **changes):
 
 def test_the_first_state_is_neither_stopped_nor_handed_over_nor_saturated():
     one = limiter()
-    assert (one.stopping, one.handed_over, one.saturated) == (False, False, False)
-    assert one.stopping is one.handed_over is one.saturated is False
+    assert (one.stopping, one.handed_over, one.is_saturated) == (False, False, False)
+    assert one.stopping is one.handed_over is one.is_saturated is False
     assert one.step(None, None, None, now_s=0.0).road_wheel_angle_rad == 0.0
 
 
@@ -39,7 +39,7 @@ def test_the_report_carries_override_and_saturation_and_keeps_the_rest_of_the_st
     assert one.report(reported) == state(3.0, speed_mps=7.0, driver_torque_nm=0.5, saturated=False)
     for n in range(80):
         stepped(one, n / 64, wanted=0.5)
-    assert one.saturated
+    assert one.is_saturated
     assert one.report(reported).saturated is True
     stepped(one, 1.5, driver_override=True)
     assert one.report(reported).driver_override is True
@@ -186,14 +186,14 @@ def test_the_driver_ends_a_stop_and_the_count_of_cuts_falls():
     one = limiter(EXACT)
     for n in range(80):
         stepped(one, n / 64, wanted=0.5)
-    assert one.saturated
+    assert one.is_saturated
     one.step(command(accel_mps2=math.nan), 1.25, state(1.25), now_s=1.25)
     assert one.stopping is True
     stepped(one, 1.265625, driver_override=True)
     assert one.stopping is False
     for n in range(1, 40):
         stepped(one, 1.265625 + n / 64, driver_override=True)
-    assert one.saturated is False
+    assert one.is_saturated is False
 
 
 def test_the_driver_is_found_by_a_wheel_that_does_not_follow():

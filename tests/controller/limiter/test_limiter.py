@@ -240,12 +240,12 @@ def test_the_limited_target_speed_is_that_of_the_response_time_later(monkeypatch
 
 def test_a_wheel_is_seen_from_the_first_plausible_state_on():
     one = limiter()
-    assert not one.wheel_seen
+    assert not one.has_seen_wheel
     one.step(command(), 0.0, None, now_s=0.0)
-    assert not one.wheel_seen
+    assert not one.has_seen_wheel
     one.step(command(), 0.0, state(0.01), now_s=0.01)
     one.step(command(), 0.0, None, now_s=0.02)
-    assert one.wheel_seen
+    assert one.has_seen_wheel
 
 
 def test_the_stop_is_steered_but_not_ended_by_new_commands():

@@ -254,7 +254,7 @@ def test_without_a_yaw_rate_there_is_no_excess_and_the_filter_is_reset():
 def watch(**changes):
     """A watch after a long time of straight demands, at 0 s."""
     one = DriverWatch(SHUTTLE, EXACT)
-    one.demanded(0.0, 0.0)
+    one.add_demand(0.0, 0.0)
     assert not one.step(seen(), 0.0)
     return one
 
@@ -277,7 +277,7 @@ def test_the_driver_has_the_car_at_once_by_torque_and_for_a_while_after(torque_n
 def test_a_wheel_that_stays_outside_all_demands_is_held_by_the_driver(sign):
     one, odd = watch(), seen(wheel_rad=sign * 0.04)
     for n in range(4):
-        one.demanded(0.0, n / 16)
+        one.add_demand(0.0, n / 16)
         assert not one.step(odd, n / 16)
     assert one.step(odd, 0.25)
 
@@ -305,7 +305,7 @@ def test_a_standing_car_with_a_turned_wheel_is_no_driver_override():
 
 def test_a_wheel_never_within_the_demands_is_no_override():
     one = DriverWatch(SHUTTLE, EXACT)
-    one.demanded(0.0, 0.0)
+    one.add_demand(0.0, 0.0)
     assert not any(one.step(seen(wheel_rad=0.3), n / 16) for n in range(50))
 
 
@@ -313,19 +313,19 @@ def test_a_demand_explains_the_wheel_for_twice_the_lateness_of_the_steering():
     """2·(0.05 s + 4·0.1 s) = 0.9 s; here 2·(0.0625 + 4·0.109375) = 1 s, exact in binary."""
     car = vehicle(steering_delay_s=0.0625, steering_lag_s=0.109375)
     one = DriverWatch(car, EXACT)
-    one.demanded(0.5, 0.0)
+    one.add_demand(0.5, 0.0)
     assert not one.step(seen(wheel_rad=0.5), 0.0)
     for t_s in (0.5, 1.0):
-        one.demanded(0.0, t_s)
+        one.add_demand(0.0, t_s)
         assert not one.step(seen(wheel_rad=0.5), t_s)  # 1 s after it is just remembered
-    one.demanded(0.0, 1.0625)
+    one.add_demand(0.0, 1.0625)
     assert not one.step(seen(wheel_rad=0.5), 1.0625)
     assert one.step(seen(wheel_rad=0.5), 1.25)
 
 
 def test_a_wheel_on_its_way_between_two_demands_is_explained():
     one = watch()
-    one.demanded(0.5, 0.25)
+    one.add_demand(0.5, 0.25)
     assert not any(one.step(seen(wheel_rad=wheel), 0.25 + wheel) for wheel in (0.0, 0.1, 0.25, 0.4, 0.5))
 
 
@@ -366,51 +366,51 @@ def saturated_after(seconds, *, wanted_rad=0.0, given_rad=0.0, speed_mps=10.0, c
 
 def test_a_demand_cut_for_long_enough_saturates_and_recovers_at_the_same_pace():
     cut = dict(wanted_rad=0.1, given_rad=0.0)
-    assert not saturated_after(0.4375, **cut).saturated
+    assert not saturated_after(0.4375, **cut).is_saturated
     one = saturated_after(5.0, **cut)
-    assert one.saturated
+    assert one.is_saturated
     one.step(0.0, 0.0, 10.0, 1 / 16)
-    assert not one.saturated
+    assert not one.is_saturated
     one.step(0.1, 0.0, 10.0, 1 / 16)
-    assert one.saturated
+    assert one.is_saturated
 
 
 def test_a_car_that_was_calm_for_long_saturates_no_later():
     one = saturated_after(5.0)
     for _ in range(8):
-        assert not one.saturated
+        assert not one.is_saturated
         one.step(0.1, 0.0, 10.0, 1 / 16)
-    assert one.saturated
+    assert one.is_saturated
 
 
 @pytest.mark.parametrize("share,cut", [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True)])
 def test_the_cut_is_measured_in_lateral_acceleration(share, cut):
     """a_y = v²·δ/(L + K·v²) with v = 10 m/s: 100/(1.75 + 0.356) per radian."""
     edge_rad = 0.25 * (1.75 + 0.356) / 100.0
-    assert saturated_after(1.0, wanted_rad=0.01 + share * edge_rad, given_rad=0.01).saturated is cut
+    assert saturated_after(1.0, wanted_rad=0.01 + share * edge_rad, given_rad=0.01).is_saturated is cut
 
 
 def test_exactly_the_tolerance_is_not_cut():
     """L = 1, K = 0, v = 2: 4 per radian."""
     car = vehicle(wheelbase_m=1.0, understeer_gradient_rad_per_mps2=0.0)
-    assert not saturated_after(1.0, wanted_rad=0.0625, speed_mps=2.0, car=car).saturated
-    assert saturated_after(1.0, wanted_rad=0.0626, speed_mps=2.0, car=car).saturated
+    assert not saturated_after(1.0, wanted_rad=0.0625, speed_mps=2.0, car=car).is_saturated
+    assert saturated_after(1.0, wanted_rad=0.0626, speed_mps=2.0, car=car).is_saturated
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_demand_of_the_largest_angle_counts_as_cut(sign):
     for wanted_rad, cut in ((0.55, True), (0.549, False)):
         one = saturated_after(1.0, wanted_rad=sign * wanted_rad, given_rad=sign * wanted_rad)
-        assert one.saturated is cut
+        assert one.is_saturated is cut
 
 
 def test_a_slow_car_is_not_saturated():
     for speed_mps, cut in ((2.0, True), (1.99, False)):
-        assert saturated_after(1.0, wanted_rad=0.5, speed_mps=speed_mps).saturated is cut
+        assert saturated_after(1.0, wanted_rad=0.5, speed_mps=speed_mps).is_saturated is cut
 
 
 def test_saturation_begins_exactly_at_its_time():
-    assert saturated_after(0.5, wanted_rad=0.1).saturated
+    assert saturated_after(0.5, wanted_rad=0.1).is_saturated
 
 
 @settings(max_examples=50)
@@ -422,4 +422,4 @@ def test_left_and_right_saturate_alike(scenes):
     for wanted, given_, speed, dt in scenes:
         left.step(wanted, given_, speed, dt)
         right.step(-wanted, -given_, speed, dt)
-        assert left.saturated == right.saturated
+        assert left.is_saturated == right.is_saturated

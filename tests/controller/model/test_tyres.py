@@ -62,8 +62,8 @@ def test_the_prediction_moves_along_the_course():
         measured = state(
             t_s, speed_mps=speed_mps, road_wheel_angle_rad=wheel_rad, yaw_rate_radps=speed_mps * bend_1pm
         )
-        ahead.measured(measured, speed_mps)
-        ahead.commanded(wheel_rad, now_s=t_s)
+        ahead.add_state(measured, speed_mps)
+        ahead.add_command(wheel_rad, now_s=t_s)
     lane, valid_s = ahead.at_last_state(Lane(0.0, -drift_rad, bend_1pm, 0.0, 20.0), valid_s=0.0)
     assert lane.offset_m == pytest.approx(0.0, abs=1e-4)
     acting = ahead.when_steering_acts(lane, valid_s=valid_s, now_s=0.29)

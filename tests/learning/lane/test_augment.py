@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from learning.lane.augment import Augmentation, Augmenter, nonsense
-from perception.net.canonical import CanonicalView, cropped, lane_of_row, row_of_lane
+from perception.net.canonical import CanonicalView, crop_camera, lane_of_row, row_of_lane
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
@@ -16,7 +16,7 @@ WILD = Augmentation(
     | dict(gain=1.6, gamma=1.5, noise_grey=15.0, offset_grey=20.0)
 )
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
-CANONICAL = cropped(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
+CANONICAL = crop_camera(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
 LANE = np.array([0.3, 0.02, 0.01, 0.012, 3.4], np.float32)
 
 

@@ -10,14 +10,14 @@ from learning.lane.network import SteerNetwork, command_row, export, loss  # noq
 from learning.lane.scores import Labelled  # noqa: E402
 from learning.lane.unlabelled import SelfTraining, Unlabelled  # noqa: E402
 from learning.unlike import attach  # noqa: E402
-from perception.net.canonical import cropped  # noqa: E402
+from perception.net.canonical import crop_camera  # noqa: E402
 from perception.net.steer_net import Network  # noqa: E402
 from trepid.car.camera import Camera  # noqa: E402
 from trepid.clothoid import Lane  # noqa: E402
 from trepid.config import CONFIG_DIR, InputError, load  # noqa: E402
 
 pytestmark = pytest.mark.long
-CANONICAL = cropped(
+CANONICAL = crop_camera(
     load(CONFIG_DIR / "camera.yaml", Camera), top_px=82, bottom_px=202, width_px=200, height_px=66
 )
 MIDDLE = np.array([0, 0, 0, 0, 3.3], np.float32)

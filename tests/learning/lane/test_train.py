@@ -22,13 +22,13 @@ from learning.lane.frames import (
 from learning.lane.scores import Labelled
 from learning.lane.train import train
 from learning.rendered import FIRST_ROAD, ROADS_PER_SEED
-from perception.net.canonical import CanonicalView, cropped, lane_of_row
+from perception.net.canonical import CanonicalView, crop_camera, lane_of_row
 from sim_harness.world.road_file import load_road
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
-CANONICAL = cropped(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
+CANONICAL = crop_camera(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
 SHOT = TrainingShot(CAMERA, CANONICAL, lookahead_m=10.0, frames_per_road=2)
 
 

@@ -9,11 +9,11 @@ import pytest
 
 from learning.lane.scores import Prediction, PursuitTask
 from learning.lane.unlabelled import Unlabelled, none_of, read_drives, self_labelled
-from perception.net.canonical import cropped
+from perception.net.canonical import crop_camera
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 
-CANONICAL = cropped(
+CANONICAL = crop_camera(
     load(CONFIG_DIR / "camera.yaml", Camera), top_px=82, bottom_px=202, width_px=200, height_px=66
 )
 TASK = PursuitTask(wheelbase_m=2.7, command_row=np.array([-2 / 64, 0.0, 0.0, 0.0]))

@@ -10,10 +10,10 @@ import torch
 
 from learning.segments.twinlitenet import PREFIX, TwinLiteNet, to_onnx
 from perception.segments.network import Segmenter
-from perception.segments.settings import described
+from perception.segments.settings import network_description
 from trepid.config import InputError
 
-ABOUT = described("twinlitenet")
+ABOUT = network_description("twinlitenet")
 
 
 def checkpoint(network: TwinLiteNet) -> bytes:

@@ -97,7 +97,7 @@ def test_an_epoch_continues_from_a_step_as_the_whole_one():
 def test_a_flip_mirrors_the_frame_and_the_sign_of_the_angle():
     data = frames([0, 0])
     height, width = data.images.shape[1:3]
-    middle = CAMERA.resized(width, height).model_copy(update={"cx_px": (width - 1) / 2})
+    middle = CAMERA.resize(width, height).model_copy(update={"cx_px": (width - 1) / 2})
     images, labels = augmenter(middle, flip=1.0)(data.images, data.labels_rad, np.random.default_rng(0))
     assert (images == data.images[:, :, ::-1]).all() and (labels == -data.labels_rad).all()
 

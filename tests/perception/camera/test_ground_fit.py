@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.camera.ground_fit import optics, turning
-from perception.camera.ground_flow import Moved
+from perception.camera.ground_flow import GroundFlow
 
 F, H, AHEAD_M, DT_S = 430.0, 1.5, 1.7, 0.05
 HORIZON_PX, ASIDE_PX = 6.0, -8.0  # of the true horizon above, of the true direction left of the assumed ones
@@ -20,7 +20,7 @@ def pair(
     pitch_rad: float = 0.0,
     bias_radps: float = 0.0,
     noise_px: float = 0.0,
-) -> Moved:
+) -> GroundFlow:
     """60 points of a plane ground before and after a rigid motion along an arc, through a pinhole."""
     way_m, turn_rad = 0.6, rate_radps * DT_S
     x, y = rng.uniform(4.0, 20.0, 60), rng.uniform(-4.0, 4.0, 60)
@@ -33,10 +33,12 @@ def pair(
     after = np.column_stack([-F * left_after / x_after, F * H / x_after + F * pitch_rad])
     off = np.array([ASIDE_PX, HORIZON_PX])
     noise = rng.normal(0, noise_px, (2, 60, 2)) if noise_px else np.zeros((2, 60, 2))
-    return Moved(before - off + noise[0], after - off + noise[1], way_m, turn_rad + bias_radps * DT_S, DT_S)
+    return GroundFlow(
+        before - off + noise[0], after - off + noise[1], way_m, turn_rad + bias_radps * DT_S, DT_S
+    )
 
 
-def drive(rates: np.ndarray = RATES_RADPS, seed: int = 1, **kwargs: float) -> list[Moved]:
+def drive(rates: np.ndarray = RATES_RADPS, seed: int = 1, **kwargs: float) -> list[GroundFlow]:
     rng = np.random.default_rng(seed)
     return [pair(rng, float(rate), **kwargs) for rate in rates]
 
@@ -123,7 +125,7 @@ def test_ground_that_comes_no_nearer_measures_nothing():
 
 def test_an_enlarged_image_has_enlarged_pixels_and_the_same_deviations():
     found = optics(drive(), 380.0)
-    larger = found.enlarged(2.0)
+    larger = found.enlarge(2.0)
     assert larger.focal_px == 2 * found.focal_px and larger.focal_height_pxm == 2 * found.focal_height_pxm
     assert larger.horizon_px == 2 * found.horizon_px and larger.focal_sigma == found.focal_sigma
 
@@ -146,7 +148,7 @@ def test_arbitrary_corners_give_finite_values_or_none(seed):
             before * rng.uniform(0.5, 2),
         )
         turn_rad = None if rng.random() < 0.2 else float(rng.normal(0, 0.3))
-        pairs.append(Moved(before, moved[rng.integers(3)], float(rng.uniform(0.1, 3)), turn_rad, DT_S))
+        pairs.append(GroundFlow(before, moved[rng.integers(3)], float(rng.uniform(0.1, 3)), turn_rad, DT_S))
     found = optics(pairs, float(rng.uniform(50, 800)))
     if found is not None:
         values = [found.focal_height_pxm, found.focal_height_sigma, found.horizon_px, found.aside_px or 0.0]

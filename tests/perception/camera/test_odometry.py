@@ -51,7 +51,7 @@ def test_a_winding_drive_measures_lens_height_horizon_and_direction():
 
 def test_a_wide_image_gives_pixels_of_its_own_size():
     camera, moments = drive()
-    large = camera.resized(2 * camera.width_px, 2 * camera.height_px)
+    large = camera.resize(2 * camera.width_px, 2 * camera.height_px)
     enlarged = [one._replace(image=np.kron(one.image, np.ones((2, 2, 1), np.uint8))) for one in moments[:40]]
     found = measured(DriveOptics(large), enlarged)
     assert found.focal_height_pxm == pytest.approx(2 * camera.fx_px * camera.height_m, rel=0.06)
@@ -71,7 +71,7 @@ def test_without_odometry_or_speed_nothing_is_measured():
 
 def test_frames_of_another_size_and_after_a_pause_are_no_pairs():
     moments = drive()[1][:40]
-    assert measured(DriveOptics(assumed().resized(320, 240)), moments) is None
+    assert measured(DriveOptics(assumed().resize(320, 240)), moments) is None
     late = [one._replace(t_s=0.6 * number) for number, one in enumerate(moments)]
     assert measured(DriveOptics(assumed()), late) is None
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from perception.camera.ground_fit import Optics
-from perception.camera.uncertainty import CameraBelief, mounted, with_camera_doubt
+from perception.camera.uncertainty import CameraBelief, believed_camera, with_camera_doubt
 from trepid.car.camera import Camera
 from trepid.clothoid import Lane
 from trepid.messages import SIGMA_AHEAD_M, SteeringEstimate
@@ -93,12 +93,12 @@ def test_the_way_at_a_wrong_speed_changes_nothing(factor):
 
 
 def test_the_camera_is_turned_to_the_measured_horizon_and_direction():
-    camera = mounted(CAMERA, BELIEF.given_optics(OPTICS), OPTICS)
+    camera = believed_camera(CAMERA, BELIEF.given_optics(OPTICS), OPTICS)
     assert camera.horizon_row_px == pytest.approx(CAMERA.horizon_row_px - 6.0)
     ahead_px = camera.pixel_from_road([[1e6, 0.0]])[0]
     assert ahead_px[0] == pytest.approx(CAMERA.cx_px + 9.0, abs=0.1)
     assert camera.fx_px == camera.fy_px == pytest.approx(400.0, rel=0.01)
-    assert mounted(CAMERA, BELIEF, None) == CAMERA
+    assert believed_camera(CAMERA, BELIEF, None) == CAMERA
 
 
 def seen_by(camera: Camera, pixels: np.ndarray) -> Lane:

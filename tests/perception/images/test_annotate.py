@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from drawn_road_rig import look
 
-from perception.images.annotate import WHITE, AnnotationWriter, annotated, text
+from perception.images.annotate import WHITE, AnnotationWriter, annotate, text
 from perception.images.sources import Clip, sources
 from trepid.config import InputError
 
 
 def test_the_annotation_changes_the_road_and_leaves_the_input_alone(picture):
     before = picture.copy()
-    drawn = annotated(picture, look(picture))
+    drawn = annotate(picture, look(picture))
     assert (picture == before).all()
     plain = cv2.resize(picture, (640, 480), interpolation=cv2.INTER_CUBIC)
     assert np.abs(drawn[400].astype(int) - plain[400]).max() > 30

@@ -1,8 +1,16 @@
 import numpy as np
 import pytest
 
-from perception.lane.agreement import agreement, apart, lane_columns, marginal, overlap, shifted, with_noise
-from perception.net.confirmed import agreed
+from perception.lane.agreement import (
+    agreement,
+    apart,
+    lane_columns,
+    marginal,
+    overlap,
+    shift_image,
+    with_noise,
+)
+from perception.net.confirmed import agreement_degree
 from trepid.messages import SteeringEstimate
 
 
@@ -70,7 +78,7 @@ def test_lanes_are_apart_by_the_greater_distance_of_their_sides_in_widths_of_the
 def test_a_lane_is_confirmed_by_no_witness_whose_left_boundary_is_right_of_the_right_one():
     crossed = between((120.0, 160.0), (80.0, 40.0))
     assert apart(LANE, crossed, 100) == apart(crossed, crossed, 100) == np.inf
-    assert agreed(apart(LANE, crossed, 100)) == 0.0
+    assert agreement_degree(apart(LANE, crossed, 100)) == 0.0
     far_ones_cross = between((102.0, 40.0), (98.0, 160.0))
     assert 0.0 < apart(LANE, far_ones_cross, 100) < 0.3
     no_width = between((80.0, 40.0), (80.0, 40.0))
@@ -95,7 +103,7 @@ def test_columns_are_those_of_the_boundaries_inside_the_image():
 @pytest.mark.parametrize("shape", [(40, 60, 3), (40, 60)])
 def test_the_changed_images_differ_by_two_grey_levels_and_by_one_pixel(shape):
     image = np.random.default_rng(2).integers(0, 256, shape, np.uint8)
-    noisy, moved = with_noise(image), shifted(image)
+    noisy, moved = with_noise(image), shift_image(image)
     assert noisy.shape == moved.shape == image.shape
     difference = np.abs(noisy.astype(int) - image)
     assert difference.max() == 2 and difference.mean() > 0.5

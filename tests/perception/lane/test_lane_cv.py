@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, WHITE, YELLOW, look, ribbon, road
 
-from perception.camera.self_calibration import self_calibrated, vanishing_point
+from perception.camera.self_calibration import calibrate_by_images, vanishing_point
 from perception.lane.lane_cv import LaneCv
 from perception.lane.model.geometry import lane_curve
 from perception.techniques.steering.lane import straight_lane
@@ -261,7 +261,7 @@ def test_grey_images_are_as_good_as_colour_for_white_lines():
 
 
 def test_boundaries_are_pixels_of_the_input_image_every_ten_rows_from_the_bottom():
-    big = CAMERA.resized(960, 720)
+    big = CAMERA.resize(960, 720)
     lane = (0.2, 0.0, 0.0, 0.0)
     seen = look(road(lane, camera=big), big)
     for path, side in ((seen.left_boundary_px, 1), (seen.right_boundary_px, -1)):
@@ -309,7 +309,7 @@ def test_straight_highway_lanes_have_two_lines_heading_and_width(name, known):
     camera = (
         load(CONFIG_DIR / "cameras" / "udacity_highway.yaml", Camera)
         if known
-        else self_calibrated([image], SETTINGS.self_calibration)
+        else calibrate_by_images([image], SETTINGS.self_calibration)
     )
     seen = look(image, camera)
     assert seen.lanes_detected == 2

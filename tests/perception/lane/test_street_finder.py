@@ -83,7 +83,7 @@ def test_a_plain_surface_has_no_lane():
 def test_a_large_image_has_the_lane_of_the_small_one():
     image = two_ways()
     large = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR).astype(np.uint8)
-    one, other = found(image), found(large, DASHCAM.resized(640, 480))
+    one, other = found(image), found(large, DASHCAM.resize(640, 480))
     assert other.pair.left.left_m == pytest.approx(one.pair.left.left_m, abs=0.15)
     assert other.pair.right.left_m == pytest.approx(one.pair.right.left_m, abs=0.15)
     assert other.camera.width_px == 640

@@ -5,7 +5,7 @@ import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, WHITE, look, ribbon, road
 
 from perception.camera.ground_fit import Optics
-from perception.camera.self_calibration import self_calibrated
+from perception.camera.self_calibration import calibrate_by_images
 from perception.estimators import entry_of
 from perception.lane.lane_cv import LaneCv
 from perception.lane.unknown_camera import OTHER_LANE, LaneOfUnknownCamera
@@ -19,7 +19,7 @@ STRAIGHT = (0.1, 0.0, 0.0, 0.0)
 
 
 def assumed(image):
-    return self_calibrated([image], SETTINGS.self_calibration)
+    return calibrate_by_images([image], SETTINGS.self_calibration)
 
 
 def unknown(image):
@@ -94,7 +94,9 @@ def test_the_place_of_the_lane_is_less_certain_than_with_a_camera_file():
 def test_the_height_is_known_to_five_per_cent_after_seconds_between_two_lines(height_m):
     camera = DASHCAM.model_copy(update={"height_m": height_m})
     images = [road(STRAIGHT, camera=camera, seed=number) for number in range(40)]
-    finder = LaneOfUnknownCamera(SETTINGS, self_calibrated(images[:9], SETTINGS.self_calibration), VEHICLE)
+    finder = LaneOfUnknownCamera(
+        SETTINGS, calibrate_by_images(images[:9], SETTINGS.self_calibration), VEHICLE
+    )
     for number, image in enumerate(images):
         seen = seen_by(finder, image, t_s=0.04 * number)
     assert finder.belief.height_m == pytest.approx(height_m, rel=0.05)
@@ -119,7 +121,7 @@ def test_odometry_makes_a_lane_of_unusual_height_and_lens_sure_and_right():
     image = road(STRAIGHT, camera=camera)
     finder = unknown(image)
     before = seen_by(finder, image)
-    finder.measured(optics_of(camera, finder.camera))
+    finder.add_optics(optics_of(camera, finder.camera))
     after = seen_by(finder, image, t_s=0.04)
     assert finder.belief.height_m == pytest.approx(1.9, rel=0.03) and finder.camera.fx_px == pytest.approx(
         240, rel=0.03
@@ -146,9 +148,9 @@ def test_dashes_of_known_length_narrow_the_product_of_height_and_focal_length():
 def test_the_search_goes_on_unless_the_camera_is_clearly_another_one():
     image = road(STRAIGHT, camera=DASHCAM)
     finder = unknown(image)
-    finder.measured(optics_of(DASHCAM, finder.camera))
+    finder.add_optics(optics_of(DASHCAM, finder.camera))
     finders = finder._finders
-    finder.measured(optics_of(DASHCAM, finder.camera))
+    finder.add_optics(optics_of(DASHCAM, finder.camera))
     assert finder._finders is finders
 
 

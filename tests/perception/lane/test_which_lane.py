@@ -3,13 +3,13 @@ import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
 
 from perception.camera.odometry import StateOdometry
-from perception.camera.self_calibration import self_calibrated
+from perception.camera.self_calibration import calibrate_by_images
 from perception.estimators import build_beside, entry_of
 from perception.lane.model.geometry import WIDTH, E
 from perception.lane.model.prediction import VehicleMotion
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair
 from perception.lane.street.profile import StreetCourse
-from perception.lane.which_lane import Kept, WhichLane, lit, moved, scaled
+from perception.lane.which_lane import RememberedFrame, WhichLane, lit, move_pairs, scale_lane
 from trepid.car.vehicle import Traffic
 from trepid.messages import Frame, VehicleState
 
@@ -20,7 +20,7 @@ STRAIGHT = (0.1, 0.0, 0.0, 0.0)
 
 
 def assumed(image):
-    return self_calibrated([image], SETTINGS.self_calibration)
+    return calibrate_by_images([image], SETTINGS.self_calibration)
 
 
 def unknown(image, vehicle=VEHICLE):
@@ -33,7 +33,7 @@ def seen_by(finder, image, t_s=0.0):
 
 def test_a_self_calibrated_camera_gets_the_estimator_of_streets():
     image = road(STRAIGHT, camera=DASHCAM)
-    camera = self_calibrated([image], SETTINGS.self_calibration)
+    camera = calibrate_by_images([image], SETTINGS.self_calibration)
     assert isinstance(entry_of("cv").build(camera, VEHICLE, assumed=True), WhichLane)
 
 
@@ -66,14 +66,14 @@ def test_the_side_of_the_traffic_is_that_of_the_car_file(traffic, on_left):
 
 def test_kept_pairs_move_against_the_vehicle():
     line = Boundary(1.6, BoundaryKind.LINE, 0.5, 0.9)
-    kept = Kept(0.0, StreetCourse(0.1, 0.0, 0.4), (Pair(line, line, 0.5, 1.0),))
-    (pair,) = moved(kept, VehicleMotion(10.0, None), 0.1)
+    kept = RememberedFrame(0.0, StreetCourse(0.1, 0.0, 0.4), (Pair(line, line, 0.5, 1.0),))
+    (pair,) = move_pairs(kept, VehicleMotion(10.0, None), 0.1)
     assert pair.left.left_m == pytest.approx(1.6 - 0.1, abs=0.01)
 
 
 def test_a_lane_of_a_higher_camera_is_wider_and_bends_less():
     state = SETTINGS.prior.lane
-    larger = scaled(state, 1.5)
+    larger = scale_lane(state, 1.5)
     assert larger.mean[WIDTH] == pytest.approx(1.5 * state.mean[WIDTH])
     assert larger.covariance[E, E] == pytest.approx(2.25 * state.covariance[E, E])
 

@@ -56,7 +56,7 @@ def test_a_picture_twice_as_large_gives_the_same_strips() -> None:
     small[140:170, 140:180] = 200
     large = np.repeat(np.repeat(small, 2, axis=0), 2, axis=1)
     one = LeadView(CAMERA).strips(small).astype(int)
-    other = LeadView(CAMERA.resized(640, 480)).strips(large).astype(int)
+    other = LeadView(CAMERA.resize(640, 480)).strips(large).astype(int)
     near = DISTANCES_M < 12  # far off both are sampled from the finest level, which differs
     assert np.abs(one - other)[near].mean() < 2.0
 

@@ -9,7 +9,7 @@ from fixed_detector import FixedDetector
 from perception.images.frames import FrameResult
 from perception.lead.detection import Detection
 from perception.lead.finder import LeadFinder, lead_settings
-from perception.lead.leads import Leads, as_row, drawn, leads_in
+from perception.lead.leads import Leads, as_row, draw_leads, leads_in
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load, use_car
@@ -55,7 +55,7 @@ def test_the_box_is_where_the_vehicle_is_in_the_image(car) -> None:
 
 
 def test_the_leader_is_drawn_in_green(car) -> None:
-    assert is_green(drawn(found(*car))).sum() > 20
+    assert is_green(draw_leads(found(*car))).sum() > 20
 
 
 def test_a_vehicle_beside_the_leader_is_not_drawn_as_it(car) -> None:
@@ -63,7 +63,7 @@ def test_a_vehicle_beside_the_leader_is_not_drawn_as_it(car) -> None:
     one = found(camera, vehicle)
     beside = one.result.detections[0]._replace(left_m=2.0 * vehicle.scale)
     alone = FrameResult(one.path, 0, 0.0, one.image, camera, Leads(one.result.lead, [beside]), 0.0)
-    assert not is_green(drawn(alone)).any()
+    assert not is_green(draw_leads(alone)).any()
 
 
 def is_green(picture: Image) -> np.ndarray:

@@ -231,7 +231,7 @@ def test_a_car_names_the_people_to_whom_it_is_blind_and_the_remedy(
     assert blindness([LEAD]) == BLIND + FETCH, "the embedded detector knows drawn vehicles only"
     assert blindness([]) == f"{BLIND}{RUN}, {FETCH}", "no process looks for people, and no detector is named"
     (car / "lead.yaml").write_text("detector: objectron\n", encoding="utf-8")
-    monkeypatch.setattr("perception.lead.finder.fetched", Path)
+    monkeypatch.setattr("perception.lead.finder.fetched_detector", Path)
     assert blindness([LEAD]) == ""
     assert blindness([]) == BLIND + RUN, "a process is all that is missing"
     (car / "d.onnx").write_bytes(b"")

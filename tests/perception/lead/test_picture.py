@@ -148,7 +148,7 @@ def test_a_near_vehicle_that_looks_as_before_is_there_for_ever(detections: list[
     pictures, tracker = standing(2.0)
     confidence = leader(tracker).confidence
     for _ in range(500):
-        found = pictures.confirmed(detections, picture(LEADER, NEAR_M), tracker.odometry, 0.0)
+        found = pictures.confirm(detections, picture(LEADER, NEAR_M), tracker.odometry, 0.0)
         tracker.step(found, speed_mps=0.0, yaw_rate_radps=0.0, dt_s=DT_S)
     assert leader(tracker).confidence == pytest.approx(confidence)
     assert tracker.odometry.to_vehicle(leader(tracker).state[:2])[0] == pytest.approx(LEADER.ahead_m, abs=0.1)
@@ -159,24 +159,24 @@ def test_a_near_vehicle_that_drove_away_is_not_there() -> None:
     for far_m in (8.0, 20.0, math.inf):
         gone = LEADER._replace(ahead_m=far_m + CAMERA.x_m) if far_m < math.inf else LEADER
         image = picture(gone, far_m) if far_m < math.inf else np.full_like(picture(LEADER, NEAR_M), GROUND)
-    assert pictures.confirmed([], image, tracker.odometry, 0.0) == []
+    assert pictures.confirm([], image, tracker.odometry, 0.0) == []
 
 
 def test_a_faster_car_a_farther_vehicle_and_a_short_sight_of_it_rest_on_the_detector_alone() -> None:
     pictures, tracker = standing(2.0)
     image = picture(LEADER, NEAR_M)
-    assert pictures.confirmed([], image, tracker.odometry, SETTINGS.picture.slow_mps + 0.1) == []
-    assert pictures.confirmed([], image, tracker.odometry, math.nan) == []
+    assert pictures.confirm([], image, tracker.odometry, SETTINGS.picture.slow_mps + 0.1) == []
+    assert pictures.confirm([], image, tracker.odometry, math.nan) == []
     tracker.odometry.move(-1.0, 0.0, 3.0)
-    assert pictures.confirmed([], image, tracker.odometry, 0.0) == []
+    assert pictures.confirm([], image, tracker.odometry, 0.0) == []
     short, tracker = standing(0.5 * SETTINGS.picture.sure_s)
-    assert short.confirmed([], image, tracker.odometry, 0.0) == []
+    assert short.confirm([], image, tracker.odometry, 0.0) == []
 
 
 def test_sure_detections_and_other_vehicles_stay_as_they_are() -> None:
     pictures, tracker = standing(2.0)
     image, other = picture(LEADER, NEAR_M), Detection(9.0, 5.0, 1.8, 0.8)
     sure = [LEADER, other]
-    assert pictures.confirmed(sure, image, tracker.odometry, 0.0) == sure
-    kept = pictures.confirmed([other], image, tracker.odometry, 0.0)
+    assert pictures.confirm(sure, image, tracker.odometry, 0.0) == sure
+    kept = pictures.confirm([other], image, tracker.odometry, 0.0)
     assert kept[0] == other and [one.confidence for one in kept] == [0.8, EVEN]

@@ -12,7 +12,7 @@ import pytest
 
 from perception.lead import published
 from perception.lead.finder import lead_settings, make_detector
-from perception.lead.published import PUBLISHED, REGISTRY_VARIABLE, fetch, fetched, file_of
+from perception.lead.published import PUBLISHED, REGISTRY_VARIABLE, fetch, fetched_detector, file_of
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 
@@ -63,7 +63,7 @@ def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[R
 def test_a_fetched_detector_has_the_bytes_of_its_publisher(registry: type[Registry]) -> None:
     registry.answer = package(PUBLISHED[NAME].member, b"abc" + MODEL + b"more")
     assert fetch(NAME).read_bytes() == MODEL
-    assert fetched(NAME) == file_of(NAME)
+    assert fetched_detector(NAME) == file_of(NAME)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_a_changed_file_is_refused(registry: type[Registry]) -> None:
     path = fetch(NAME)
     path.write_bytes(MODEL + b"x")
     with pytest.raises(InputError, match="not the detector"):
-        fetched(NAME)
+        fetched_detector(NAME)
 
 
 def test_the_scores_of_the_published_detector_become_probabilities() -> None:

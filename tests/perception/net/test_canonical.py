@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.net.canonical import SUPERSAMPLE, CanonicalView, cropped
+from perception.net.canonical import SUPERSAMPLE, CanonicalView, crop_camera
 from trepid.car.camera import Camera
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
-CANONICAL = cropped(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
+CANONICAL = crop_camera(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
 LANE = Lane(offset_m=0.3, heading_rad=0.02, curvature_1pm=0.01, curvature_rate_1pm2=-0.0004)
 
 

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
 
-from perception.camera.self_calibration import self_calibrated
+from perception.camera.self_calibration import calibrate_by_images
 from perception.camera.uncertainty import CameraBelief
 from perception.estimators import entry_of
-from perception.images.outline import outlined
+from perception.images.outline import with_boundaries
 from perception.lane.agreement import apart
-from perception.net.confirmed import CONFIRMED, DENIED, UNCONFIRMED, ConfirmedNet, agreed
+from perception.net.confirmed import CONFIRMED, DENIED, UNCONFIRMED, ConfirmedNet, agreement_degree
 from perception.net.steer_net import SteerNet
 from trepid.messages import Frame, SteeringEstimate
 
@@ -44,7 +44,7 @@ def lane(offset_m=0.0, confidence=0.9):
 
 
 def drawn(offset_m=0.0, confidence=0.8):
-    return outlined(lane(offset_m, confidence), CAMERA, VEHICLE)
+    return with_boundaries(lane(offset_m, confidence), CAMERA, VEHICLE)
 
 
 def confirmed(network, witness):
@@ -79,7 +79,7 @@ def test_the_network_looks_through_the_camera_that_the_witness_has_measured():
     witness.camera = CAMERA.model_copy(update={"height_m": 1.2 * CAMERA.height_m})
     found = both.step(FRAME, None, now_s=0.04)
     assert both._network.camera is witness.camera
-    assert found.left_boundary_px == outlined(lane(), witness.camera, VEHICLE).left_boundary_px
+    assert found.left_boundary_px == with_boundaries(lane(), witness.camera, VEHICLE).left_boundary_px
 
 
 def test_the_doubt_of_the_camera_is_part_of_that_of_the_lane():
@@ -89,9 +89,9 @@ def test_the_doubt_of_the_camera_is_part_of_that_of_the_lane():
 
 
 def test_the_confidence_falls_with_the_distance_of_the_boundaries():
-    assert agreed(0.0) == agreed(CONFIRMED) == 1.0
-    assert agreed((CONFIRMED + DENIED) / 2) == pytest.approx(0.5)
-    assert agreed(DENIED) == agreed(1.0) == agreed(None) == 0.0
+    assert agreement_degree(0.0) == agreement_degree(CONFIRMED) == 1.0
+    assert agreement_degree((CONFIRMED + DENIED) / 2) == pytest.approx(0.5)
+    assert agreement_degree(DENIED) == agreement_degree(1.0) == agreement_degree(None) == 0.0
 
 
 def test_lanes_are_apart_by_the_share_of_the_width_of_the_other():
@@ -99,12 +99,14 @@ def test_lanes_are_apart_by_the_share_of_the_width_of_the_other():
     aside = apart(drawn(-VEHICLE.lane_width_m / 4), drawn(), CAMERA.height_px)
     assert aside == pytest.approx(0.25, abs=0.02)
     wide = VEHICLE.model_copy(update={"lane_width_m": 2 * VEHICLE.lane_width_m})
-    assert apart(outlined(lane(), CAMERA, wide), drawn(), CAMERA.height_px) == pytest.approx(0.5, abs=0.02)
+    assert apart(with_boundaries(lane(), CAMERA, wide), drawn(), CAMERA.height_px) == pytest.approx(
+        0.5, abs=0.02
+    )
     assert apart(NOTHING, drawn(), CAMERA.height_px) is None
 
 
 def test_a_measured_width_counts_before_that_of_the_car():
-    wide = outlined(replace(lane(), lane_width_m=2 * VEHICLE.lane_width_m), CAMERA, VEHICLE)
+    wide = with_boundaries(replace(lane(), lane_width_m=2 * VEHICLE.lane_width_m), CAMERA, VEHICLE)
     assert wide.lane_width_m == 2 * VEHICLE.lane_width_m
     assert apart(wide, drawn(), CAMERA.height_px) == pytest.approx(0.5, abs=0.02)
 
@@ -113,7 +115,7 @@ def test_only_a_self_calibrated_camera_needs_a_witness():
     image = road((0.0, 0.0, 0.0, 0.0))
     entry = entry_of("cnn")
     assert isinstance(entry.build(CAMERA, VEHICLE), SteerNet)
-    camera = self_calibrated([image], SETTINGS.self_calibration)
+    camera = calibrate_by_images([image], SETTINGS.self_calibration)
     assert isinstance(entry.build(camera, VEHICLE, assumed=True), ConfirmedNet)
 
 
@@ -121,7 +123,7 @@ def test_a_network_in_a_lane_of_another_width_than_its_own_is_doubted():
     """A road drawn for less than half the height looks wider than any lane of the training."""
     low = CAMERA.model_copy(update={"height_m": CAMERA.height_m / 2.4})
     image = road((0.2, 0.0, 0.0, 0.0), camera=low)
-    camera = self_calibrated([image], SETTINGS.self_calibration)
+    camera = calibrate_by_images([image], SETTINGS.self_calibration)
     frame = Frame(t_s=0.0, image=image)
     alone = entry_of("cnn").build(camera, VEHICLE).step(frame, None, now_s=0.0)
     doubted = entry_of("cnn").build(camera, VEHICLE, assumed=True).step(frame, None, now_s=0.0)

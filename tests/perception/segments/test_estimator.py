@@ -10,7 +10,7 @@ from segment_rig import segmenter, write_network
 from perception.estimators import entry_of
 from perception.lane.lane_cv import LaneCv
 from perception.segments.estimator import Segments
-from perception.segments.settings import described, network_file, segment_settings
+from perception.segments.settings import network_description, network_file, segment_settings
 from perception.segments.unknown_camera import LaneOfPictures
 from trepid.config import InputError
 from trepid.messages import Frame, SteeringEstimate
@@ -122,7 +122,7 @@ def test_a_network_that_was_not_fetched_is_named_with_the_remedy(
 
 def test_an_unknown_network_is_named_with_the_nearest_one() -> None:
     with pytest.raises(InputError, match="no network 'twinlitnet'; did you mean 'twinlitenet'"):
-        described("twinlitnet")
+        network_description("twinlitnet")
 
 
 def test_a_car_brings_a_network_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

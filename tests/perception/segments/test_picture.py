@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perception.segments.network import Masks
-from perception.segments.picture import AREA, REST, crests, drawn
+from perception.segments.picture import AREA, REST, crests, draw_masks
 
 ROWS, COLUMNS = 40, 320
 
@@ -29,14 +29,14 @@ def test_two_lines_have_two_crests_and_an_empty_mask_none() -> None:
 
 
 def test_a_crest_is_as_light_as_its_line_is_probable() -> None:
-    sure, unsure = (drawn(Masks(share * line(100.0, 5.0), None)) for share in (1.0, 0.5))
+    sure, unsure = (draw_masks(Masks(share * line(100.0, 5.0), None)) for share in (1.0, 0.5))
     steps = [int(one[0].max()) - 100 for one in (sure, unsure)]
     assert steps[0] == pytest.approx(2 * steps[1], rel=0.1)
 
 
 def test_the_edge_of_the_road_lies_where_its_probability_is_one_half() -> None:
     area = np.tile(np.clip((np.arange(COLUMNS, dtype=np.float32) - 100) / 40, 0, 1), (ROWS, 1))
-    picture = drawn(Masks(None, area)).astype(int)
+    picture = draw_masks(Masks(None, area)).astype(int)
     middle = int(np.abs(picture[0] - (AREA + REST) / 2).sum(axis=1).argmin())
     assert middle == 120
     np.testing.assert_array_equal(picture[0, 10], REST)
@@ -44,5 +44,5 @@ def test_the_edge_of_the_road_lies_where_its_probability_is_one_half() -> None:
 
 
 def test_without_an_area_everything_is_road() -> None:
-    picture = drawn(Masks(np.zeros((ROWS, COLUMNS), np.float32), None))
+    picture = draw_masks(Masks(np.zeros((ROWS, COLUMNS), np.float32), None))
     assert (picture == AREA.astype(np.uint8)).all()

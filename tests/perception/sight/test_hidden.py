@@ -171,7 +171,7 @@ def test_no_broken_lane_breaks_the_search(value: float | None) -> None:
 
 
 def test_images_of_another_size_have_the_same_end() -> None:
-    small = CAMERA.resized(160, 120)
+    small = CAMERA.resize(160, 120)
     image = with_box(with_trees(misty(5000.0, camera=small), camera=small), 15.0, colour=200, camera=small)
     found = HiddenRoad(small, SETTINGS.hidden).end(image, path(None, small))
     assert found is not None and found.distance_m + CAMERA.x_m == pytest.approx(15.0, rel=0.2)

@@ -141,7 +141,7 @@ def test_sobel_and_prewitt_measure_grey_levels_per_pixel():
     ramp = np.tile(np.arange(0, 240, 3), (240, 1)).astype(np.uint8)
     ramp[:, 40] += 6
     for name in ("sobel", "prewitt"):
-        seen = FEATURES[name](ramp, VIEW.cropped(PixelBox(0, 240, 0, 80)), least=1.0).response
+        seen = FEATURES[name](ramp, VIEW.crop(PixelBox(0, 240, 0, 80)), least=1.0).response
         assert seen[100, 39] == pytest.approx(6.0, abs=0.01)
 
 

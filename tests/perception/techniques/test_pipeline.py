@@ -118,7 +118,7 @@ def test_a_pipeline_for_unmarked_roads_measures_the_road_between_its_edges():
 
 
 def test_the_picture_is_processed_at_one_size_and_reported_at_its_own():
-    large = CAMERA.resized(640, 480)
+    large = CAMERA.resize(640, 480)
     seen = look("canny_hough", road((0.2, 0.0, 0.0, 0.0), camera=large), large)
     assert seen.lateral_offset_m == pytest.approx(0.2, abs=0.1)
     assert max(y for _, y in seen.left_boundary_px) > 300
@@ -249,7 +249,7 @@ def test_the_default_estimators_do_not_read_the_file_of_the_pipelines(monkeypatc
 def test_a_part_of_a_view_is_kept_for_the_next_frame_and_others_do_not_pile_up() -> None:
     view = camera_view(CAMERA)
     boxes = [PixelBox(top_px, 200, 0, 300) for top_px in range(20)]
-    parts = [view.cropped(box) for box in boxes]
-    assert view.cropped(boxes[-1]) is parts[-1]
-    again = view.cropped(boxes[0])
+    parts = [view.crop(box) for box in boxes]
+    assert view.crop(boxes[-1]) is parts[-1]
+    again = view.crop(boxes[0])
     assert again is not parts[0] and again.pixel_m == pytest.approx(parts[0].pixel_m, nan_ok=True)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supervisor.modes.analyser import NOTHING, SUSPECTS, Finding, analyse, explained
+from supervisor.modes.analyser import NOTHING, SUSPECTS, Finding, analyse, traced_cause
 from supervisor.situation.features import BEYOND, Features
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, load
@@ -91,9 +91,9 @@ def test_a_standing_image_of_a_standing_car_is_not_frozen() -> None:
 
 def test_only_symptoms_are_explained_by_something_else() -> None:
     dark = Finding("dark", "camera")
-    assert explained("low_confidence", dark) == "dark"
-    assert explained("lead_close", dark) == "lead_close"
-    assert explained("low_confidence", NOTHING) == "low_confidence"
+    assert traced_cause("low_confidence", dark) == "dark"
+    assert traced_cause("lead_close", dark) == "lead_close"
+    assert traced_cause("low_confidence", NOTHING) == "low_confidence"
 
 
 @given(st.fixed_dictionaries({n: st.none() | st.floats(allow_nan=True) for n in FINE}))

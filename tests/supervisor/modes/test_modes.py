@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.inputs.timers import Held
+from supervisor.inputs.timers import HoldTimer
 from supervisor.modes.modes import STARTING, Effect, ModeState, Situation, next_state
 from trepid.messages import Mode, Stop
 
@@ -133,7 +133,7 @@ def test_a_frozen_camera_ends_the_run_because_it_is_not_detectable_at_standstill
 
 
 def test_held_counts_from_the_last_break_and_none_is_never() -> None:
-    held = Held()
+    held = HoldTimer()
     assert [held.lasts(c, 1.0, now_s=t) for t, c in [(0, True), (0.9, True), (1.0, True)]] == [
         False,
         False,

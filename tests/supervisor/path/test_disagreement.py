@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supervisor.inputs.validation import ValidatedEstimate, at_distance
-from supervisor.path.fusion import Fused, Fusion
+from supervisor.path.fusion import Fusion, FusionResult
 from supervisor.supervisor import SupervisorSettings
 from trepid.clothoid import Lane, Motion
 from trepid.config import CONFIG_DIR, load
@@ -27,7 +27,7 @@ def fused(
     of_cv: tuple[float, ...],
     of_cnn: tuple[float, ...],
     aside_m: float = 0.0,
-) -> Fused:
+) -> FusionResult:
     """A straight lane of cv, and one of cnn that bends and lies ``aside_m`` to the right."""
     views = [
         ValidatedEstimate(

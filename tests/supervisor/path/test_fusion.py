@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from supervisor.inputs.validation import ValidatedEstimate
-from supervisor.path.fusion import Fused, Fusion, information
+from supervisor.path.fusion import Fusion, FusionResult, information
 from supervisor.supervisor import SupervisorSettings
 from trepid.clothoid import Lane, Motion
 from trepid.config import CONFIG_DIR, load
@@ -37,11 +37,11 @@ def estimate_of(
 
 def fuse(
     *sightings: ValidatedEstimate, motion: Motion = DRIVING, fusion: Fusion | None = None, now_s: float = 0.0
-) -> Fused:
+) -> FusionResult:
     return (fusion or Fusion(SETTINGS)).step(list(sightings), motion, now_s=now_s)
 
 
-def lane_of(fused: Fused) -> Lane:
+def lane_of(fused: FusionResult) -> Lane:
     assert fused.path is not None
     return fused.path.lane
 

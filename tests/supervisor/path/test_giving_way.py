@@ -17,7 +17,7 @@ from supervisor.path.giving_way import (
     encounter,
     needs_more,
     passes_first,
-    permitted_mps,
+    permitted_speed_mps,
     stop_within,
 )
 from trepid.car.vehicle import Vehicle
@@ -103,7 +103,7 @@ def test_who_is_in_the_strip_is_never_reached_by_a_car_that_keeps_the_cap(
     """From the cap the car stops gap_m before one who stays, after the reaction time and with comfort."""
     one = encounter(user, STRAIGHT, S, VEHICLE)
     assume(one.gap_m <= 0 and one.kind != "cyclist")
-    v = permitted_mps(one, speed_mps, S)
+    v = permitted_speed_mps(one, speed_mps, S)
     assert v * S.reaction_s + v**2 / (2 * S.decel_mps2) <= max(one.free_m - S.gap_m, 0.0) + 1e-9
 
 
@@ -112,7 +112,7 @@ def test_a_step_out_at_any_time_finds_the_car_able_to_stop_before_it_or_past(
     one: Encounter, speed_mps: float
 ) -> None:
     """A worst-case step; the car, at its cap, drives on or brakes with its strongest deceleration."""
-    v = min(speed_mps, permitted_mps(one, speed_mps, S))
+    v = min(speed_mps, permitted_speed_mps(one, speed_mps, S))
     assume(one.gap_m > 0 and one.free_m > 0 and v > S.passing_mps)
     stops_m = v * S.reaction_s + v**2 / (2 * S.strongest_decel_mps2)
     steps_in_s = one.gap_m / max(one.closing_mps, one.step_mps)
@@ -126,14 +126,14 @@ def test_a_nearer_faster_or_closer_one_never_permits_more(
     assume(one.free_m - nearer > 0 and not (one.kind == "cyclist" and one.along_mps >= S.moving_mps))
     # beyond the place that the car passes before a step out the rule is another one
     assume(not passes_first(one._replace(gap_m=one.gap_m, free_m=one.free_m - nearer), speed_mps, S))
-    before = permitted_mps(one, speed_mps, S)
+    before = permitted_speed_mps(one, speed_mps, S)
     for worse in (
         one._replace(free_m=one.free_m - nearer),
         one._replace(gap_m=one.gap_m - nearer),
         one._replace(closing_mps=one.closing_mps + nearer),
         one._replace(along_mps=one.along_mps - nearer),
     ):
-        assert permitted_mps(worse, speed_mps, S) <= before + 1e-9
+        assert permitted_speed_mps(worse, speed_mps, S) <= before + 1e-9
 
 
 @given(present=st.lists(users, max_size=4), more=users, speed_mps=speeds)
@@ -163,7 +163,7 @@ def test_before_one_that_walks_in_the_whole_car_passes_or_it_can_stop(
     one: Encounter, speed_mps: float
 ) -> None:
     """At its cap the car stops before one that walks on, or its rear is past when that one is in the strip."""
-    v = min(speed_mps, permitted_mps(one, speed_mps, S))
+    v = min(speed_mps, permitted_speed_mps(one, speed_mps, S))
     stops_m = v * S.reaction_s + v**2 / (2 * S.decel_mps2)
     arrives_s = one.gap_m / max(one.closing_mps, one.step_mps)
     gone = one.free_m + one.car_m <= v * arrives_s + 1e-9
@@ -205,7 +205,7 @@ def test_a_cyclist_ahead_is_followed_at_its_speed_and_not_overtaken() -> None:
     behind = encounter(rider, STRAIGHT, S, VEHICLE)
     assert behind.gap_m < 0, "a metre beside the car is too little room to overtake"
     free_m = behind.free_m - S.cyclist_gap_m
-    assert permitted_mps(behind, 10.0, S) == pytest.approx(
+    assert permitted_speed_mps(behind, 10.0, S) == pytest.approx(
         min(free_m / S.time_gap_s, math.sqrt(25 + 2 * S.decel_mps2 * free_m))
     )
     steady_m = NOSE_M + S.cyclist_gap_m + 5.0 * S.time_gap_s

@@ -78,14 +78,14 @@ def test_points_stay_where_they_are_while_the_vehicle_drives_a_circle() -> None:
     angle = 100 * 0.01 * speed_mps / radius_m
     here = np.array([radius_m * math.sin(angle), radius_m * (1 - math.cos(angle))])
     turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-    assert trail.seen()[0, :2] == pytest.approx(turn @ (np.array([10.0, 2.0]) - here), abs=1e-4)
+    assert trail.visible_points()[0, :2] == pytest.approx(turn @ (np.array([10.0, 2.0]) - here), abs=1e-4)
 
 
 def test_many_detections_of_one_place_are_one_point_between_them() -> None:
     trail = Trail(SETTINGS)
     for y_m in (0.1, -0.1, 0.1, -0.1):
         trail.add(10.0, y_m)
-    seen = trail.seen()
+    seen = trail.visible_points()
     assert len(seen) == 1
     assert abs(seen[0, 1]) < 0.05
     assert seen[0, 2] <= SETTINGS.least_sigma_m**-2
@@ -95,9 +95,9 @@ def test_points_far_behind_or_ahead_are_dropped() -> None:
     trail = Trail(SETTINGS)
     trail.add(3.0, 0.0)
     trail.move(Motion(5.0, 0.0), 2.0)
-    assert len(trail.seen()) == 1
+    assert len(trail.visible_points()) == 1
     trail.move(Motion(5.0, 0.0), 2.0)
-    assert len(trail.seen()) == 0
+    assert len(trail.visible_points()) == 0
 
 
 def test_the_curvature_rate_of_the_trail_falls_with_speed() -> None:

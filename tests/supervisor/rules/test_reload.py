@@ -61,8 +61,8 @@ def test_rules_that_could_not_drive_come_back_as_one_line(path: Path) -> None:
 def test_valid_rules_are_handed_over_and_invalid_rules_are_reported() -> None:
     adopted: list[FearRules] = []
     rules = FearRules.load(CONFIG_DIR / "fear.yaml")
-    assert RuleChange(rules, "").adopted(adopted.append) == (Health.OK, "drives by changed rules")
-    refused = RuleChange(None, "f:1:1: no").adopted(adopted.append)
+    assert RuleChange(rules, "").apply(adopted.append) == (Health.OK, "drives by changed rules")
+    refused = RuleChange(None, "f:1:1: no").apply(adopted.append)
     assert refused == (Health.WARN, "old rules kept: f:1:1: no")
     assert adopted == [rules]
 
@@ -70,7 +70,7 @@ def test_valid_rules_are_handed_over_and_invalid_rules_are_reported() -> None:
 def test_rules_about_an_unmeasured_input_are_refused_and_the_old_rules_stay(path: Path) -> None:
     supervisor = build()
     path.write_text(SHIPPED.replace("state_age", "moon_phase"), encoding="utf-8")
-    health, message = reread(path).adopted(supervisor.adopt)
+    health, message = reread(path).apply(supervisor.adopt)
     assert health is Health.WARN
     assert "unknown input 'moon_phase'" in message
     decision = supervisor.step({}, None, None, None, now_s=0.0)

@@ -13,7 +13,7 @@ from supervisor.rules.inference import FearRules
 from supervisor.rules.proofs import contradictions, lipschitz, silent_point
 from supervisor.rules.rule_file import LEVELS, Input, Membership, Sets
 from supervisor.rules.scikit import stated_degrees
-from supervisor.rules.shapes import FuzzySet, compile_set, curved, evaluate, polyline
+from supervisor.rules.shapes import FuzzySet, compile_set, curve_degree, evaluate, polyline
 from supervisor.rules.verify import verify
 from trepid.config import CONFIG_DIR, InputError
 
@@ -109,7 +109,7 @@ def test_a_curved_edge_keeps_order_bit_for_bit(x: float, y: float, inner: list[t
     places = sorted({s for s, _ in inner if 0 < s < 1})
     knots = tuple(zip(places, sorted(d for _, d in inner)[: len(places)], strict=True))
     low, high = sorted((x, y))
-    assert curved(low, knots) <= curved(high, knots)
+    assert curve_degree(low, knots) <= curve_degree(high, knots)
 
 
 @settings(max_examples=200, deadline=None)

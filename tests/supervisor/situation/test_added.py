@@ -10,7 +10,7 @@ import pytest
 from supervisor import supervisor
 from supervisor.path.follow import NO_LEAD
 from supervisor.situation import added
-from supervisor.situation.added import FearInput, Moment, fear_input, measured
+from supervisor.situation.added import FearInput, Moment, added_values, fear_input
 from trepid import plugins
 from trepid.config import CONFIG_DIR, InputError
 
@@ -50,7 +50,7 @@ def register(monkeypatch: pytest.MonkeyPatch, function: str) -> None:
     """An entry point ``wobble`` for ``function`` of this file."""
     point = EntryPoint("wobble", f"{__name__}:{function}", plugins.Group.FEAR_INPUTS)
     found = {"wobble": wobble if function == "wobble" else no_input}
-    monkeypatch.setattr(added, "added", lambda group: {"wobble": point})
+    monkeypatch.setattr(added, "added_entry_points", lambda group: {"wobble": point})
     monkeypatch.setattr(added, "part", lambda group, name, own: found[name])
     added._functions.cache_clear()
 
@@ -68,7 +68,7 @@ def rules_with(tmp_path: Path, span: str) -> Path:
 
 
 def test_a_value_in_the_range_is_the_value_of_the_function(registered: None) -> None:
-    assert measured(("wobble", "speed"), NOW) == {"wobble": 0.4}
+    assert added_values(("wobble", "speed"), NOW) == {"wobble": 0.4}
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -0.1, 1.1, None, "0.5"])

@@ -71,8 +71,8 @@ def test_a_resized_camera_is_that_of_the_image_that_opencv_resizes(size, interpo
     small = cv2.resize(spot, size, interpolation=interpolation)
     row, column = np.indices(small.shape, sparse=True)
     seen = [(small * column).sum() / small.sum(), (small * row).sum() / small.sum()]
-    assert CAMERA.resized(*size).pixel_from_road(point)[0] == pytest.approx(seen, abs=0.02)
+    assert CAMERA.resize(*size).pixel_from_road(point)[0] == pytest.approx(seen, abs=0.02)
 
 
 def test_a_camera_that_is_not_resized_is_the_same() -> None:
-    assert CAMERA.resized(CAMERA.width_px, CAMERA.height_px) == CAMERA
+    assert CAMERA.resize(CAMERA.width_px, CAMERA.height_px) == CAMERA

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trepid.files.decoding import UndecodableText, decoded, is_broken
+from trepid.files.decoding import UndecodableText, decode_text, is_broken
 
 TEXT = 'VERSION "1.0"\nBreite: 0,32 m – größer\n'
 MARKED = {
@@ -21,40 +21,40 @@ MARKED = {
 
 @pytest.mark.parametrize("encoding", MARKED)
 def test_a_byte_order_mark_decides_and_is_no_part_of_the_text(encoding: str) -> None:
-    assert decoded(MARKED[encoding] + TEXT.encode(encoding)) == TEXT
+    assert decode_text(MARKED[encoding] + TEXT.encode(encoding)) == TEXT
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "utf-16-be"])
 def test_text_without_a_mark_is_told_by_its_zero_bytes(encoding: str) -> None:
-    assert decoded(TEXT.encode(encoding)) == TEXT
+    assert decode_text(TEXT.encode(encoding)) == TEXT
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0\ufeff")))
 def test_any_text_in_utf_8_is_read_as_it_was_written(text: str) -> None:
-    assert decoded(text.encode()) == text
+    assert decode_text(text.encode()) == text
 
 
 def test_the_code_page_of_windows_is_read_where_a_format_allows_it() -> None:
     data = TEXT.encode("cp1252")
-    assert decoded(data, windows=True) == TEXT
+    assert decode_text(data, windows=True) == TEXT
     with pytest.raises(UndecodableText, match="byte 0x96 is no UTF-8; save it as UTF-8") as refused:
-        decoded(data)
+        decode_text(data)
     assert (refused.value.line, refused.value.column) == (2, 16)
 
 
 def test_utf_8_is_never_taken_for_the_code_page_of_windows() -> None:
-    assert decoded(TEXT.encode(), windows=True) == TEXT
+    assert decode_text(TEXT.encode(), windows=True) == TEXT
 
 
 def test_broken_bytes_cost_only_their_line() -> None:
-    lines = decoded(b"first\nsec\xff\xfend\nthird\n", broken_bytes=True).split("\n")
+    lines = decode_text(b"first\nsec\xff\xfend\nthird\n", broken_bytes=True).split("\n")
     assert [is_broken(line) for line in lines] == [False, True, False, False]
     assert (lines[0], lines[2]) == ("first", "third")
 
 
 def test_a_file_of_zero_bytes_is_called_so() -> None:
     with pytest.raises(UndecodableText, match="only zero bytes, as after a loss of power"):
-        decoded(bytes(512))
+        decode_text(bytes(512))
 
 
 @pytest.mark.parametrize(
@@ -71,4 +71,4 @@ def test_what_stands_where_a_text_should_is_refused_by_its_name(
     data: bytes, what: str, windows: bool
 ) -> None:
     with pytest.raises(UndecodableText, match=what):
-        decoded(data, windows=windows)
+        decode_text(data, windows=windows)

@@ -11,7 +11,7 @@ import pytest
 
 from trepid.config import CAR, InputError
 from trepid.messages import Health
-from trepid.processes.fused import gathered, run
+from trepid.processes.fused import gather_specs, run
 from trepid.processes.settings import ProcessSpec
 
 TURNS: list[str] = []
@@ -30,7 +30,7 @@ class Recorded:
     def turn(self) -> None:
         TURNS.append(self.me.name)
         warns = self.me.options.get("warns", "")
-        self.me.stepped(Health.WARN if warns else Health.OK, warns)
+        self.me.count_step(Health.WARN if warns else Health.OK, warns)
 
 
 @contextmanager
@@ -57,7 +57,7 @@ def fused(**options: dict[str, Any]) -> Any:
         restarts=0,
         running=lambda: next(rounds),
         ready=ready,
-        stepped=lambda *state: seen.states.append(state),
+        count_step=lambda *state: seen.states.append(state),
     )
     TURNS.clear()
     run(me)
@@ -100,7 +100,7 @@ def spec(name: str, module: str = __name__, **fields: Any) -> ProcessSpec:
 
 
 def test_entries_that_name_the_same_process_become_one() -> None:
-    found = gathered(
+    found = gather_specs(
         (
             spec("camera", "sim_harness.live.camera_node", together=""),
             spec(
@@ -139,7 +139,7 @@ def test_entries_that_name_the_same_process_become_one() -> None:
 )
 def test_a_process_that_cannot_share_is_refused(wrong: ProcessSpec, problem: str) -> None:
     with pytest.raises(InputError, match=problem):
-        gathered((wrong,))
+        gather_specs((wrong,))
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -151,7 +151,7 @@ def test_a_shared_process_with_the_name_of_another_process_is_refused(order: int
     with pytest.raises(
         InputError, match=r"^p\.yaml:2:9: process cv: together: supervisor: .* a name of its own"
     ):
-        gathered(entries[::order])
+        gather_specs(entries[::order])
 
 
 @pytest.mark.parametrize("module", ["horn", "sounds.horn"])
@@ -162,4 +162,4 @@ def test_a_node_in_the_folder_of_the_car_can_share_a_process(
     file.parent.mkdir(exist_ok=True)
     file.write_text('"""A horn."""\n\n\ndef node(me):\n    ...\n')
     monkeypatch.setenv(CAR, str(tmp_path))
-    assert [one.name for one in gathered([spec("horn", module)])] == ["frame"]
+    assert [one.name for one in gather_specs([spec("horn", module)])] == ["frame"]

@@ -43,7 +43,7 @@ def test_malformed_messages_are_reported_at_once_with_their_number_and_raise_hea
 def test_a_series_of_malformed_messages_does_not_speed_up_the_heartbeat(bus, me):
     for count in range(1, 100):
         bus.counts = {"vehicle/state": count}
-        me.stepped()
+        me.count_step()
     assert len(bus.sent) == 1
 
 

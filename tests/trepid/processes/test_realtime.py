@@ -24,7 +24,7 @@ def ready(option: int | None = None, *, realtime: int | None = None) -> list[tup
     assignment = Assignment(name="one", vehicle_name="v", connect="", clock_offset_ns=0, options=options)
     me = Process(assignment, bus, threading.Event())
     me.ready(realtime=realtime)
-    me.stepped(Health.WARN, "no frames")
+    me.count_step(Health.WARN, "no frames")
     return [(beat.health, beat.message) for beat in bus.sent]
 
 

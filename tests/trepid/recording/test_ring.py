@@ -21,7 +21,7 @@ from trepid.recording import keeper
 from trepid.recording.keeper import EMERGENCY, INTERVENTION, Events
 from trepid.recording.notes import RULES, RULES_FROM_S
 from trepid.recording.reader import read_recording
-from trepid.recording.ring import Ring, kept, newest, prune, ring_of, ring_settings, secured
+from trepid.recording.ring import Ring, keep_parts, newest, prune, ring_of, ring_settings, secure_parts
 from trepid.topics import DECISION, DIAGNOSTICS, VEHICLE_STATE
 from trepid.wire import to_cdr
 
@@ -57,7 +57,7 @@ def test_the_parts_of_a_drive_become_one_recording(tmp_path: Path) -> None:
     ring.began_ns(101_000_000_000)
     ring.close()
     assert newest() == ring.folder
-    kept(secured(ring.folder), tmp_path / "kept.mcap")
+    keep_parts(secure_parts(ring.folder), tmp_path / "kept.mcap")
     read = read_recording(tmp_path / "kept.mcap", VEHICLE_STATE.key)
     assert [round(state.t_s, 1) for _, state in read.of(VEHICLE_STATE)] == [100 + n / 10 for n in range(90)]
     assert (read.files, read.began_s, read.complete) == ({"fear.yaml": b"rules"}, 101.0, True)
@@ -65,7 +65,7 @@ def test_the_parts_of_a_drive_become_one_recording(tmp_path: Path) -> None:
 
 def test_a_ring_that_was_killed_is_kept_up_to_its_last_second(tmp_path: Path) -> None:
     ring = written(9)
-    kept(secured(ring.folder), tmp_path / "kept.mcap")
+    keep_parts(secure_parts(ring.folder), tmp_path / "kept.mcap")
     assert read_recording(tmp_path / "kept.mcap", VEHICLE_STATE.key).last_s > 107.5
 
 
@@ -80,7 +80,7 @@ def test_a_recorder_that_is_started_again_goes_on_in_the_ring_of_its_drive(tmp_p
         "000003",
         "000004",
     ]
-    kept(secured(again.folder), tmp_path / "kept.mcap")
+    keep_parts(secure_parts(again.folder), tmp_path / "kept.mcap")
     assert len(read_recording(tmp_path / "kept.mcap", VEHICLE_STATE.key).of(VEHICLE_STATE)) == 60
 
 
@@ -102,7 +102,7 @@ def test_what_is_kept_begins_with_the_rules_of_its_oldest_part(
     ring.close()
     for part in sorted(ring.folder.glob("*.mcap"))[:deleted]:
         part.unlink()
-    kept(secured(ring.folder), tmp_path / "kept.mcap")
+    keep_parts(secure_parts(ring.folder), tmp_path / "kept.mcap")
     assert read_recording(tmp_path / "kept.mcap").files == {"fear.yaml": rules}
 
 
@@ -169,7 +169,7 @@ def test_the_oldest_parts_are_deleted_beyond_the_size_and_secured_ones_stay(tmp_
     parts = sorted(ring.folder.glob("*.mcap"))
     for age, part in enumerate(reversed(parts)):
         os.utime(part, (1000 - age, 1000 - age))
-    safe = secured(ring.folder)
+    safe = secure_parts(ring.folder)
     prune(ring.folder.parent, sum(part.stat().st_size for part in parts[-2:]), own=ring.folder)
     assert sorted(ring.folder.glob("*.mcap")) == parts[-2:]
     assert len(list(safe.glob("*.mcap"))) == len(parts)
@@ -207,7 +207,7 @@ def test_a_disk_that_refuses_a_kept_recording_keeps_no_part_of_it(
 
 
 def test_a_process_that_joins_parts_deletes_them_also_where_it_fails(home: Path) -> None:
-    safe, out = secured(written(3).folder), home / "mine.mcap"
+    safe, out = secure_parts(written(3).folder), home / "mine.mcap"
     out.touch()
     joining = [sys.executable, "-m", "trepid.recording.ring", str(safe), str(out)]
     assert subprocess.run(joining, check=False, capture_output=True).returncode == 2
@@ -220,7 +220,7 @@ def test_nothing_kept_is_overwritten_and_no_ring_is_one_line(tmp_path: Path) -> 
     ring = written(3)
     (tmp_path / "there.mcap").write_text("precious")
     with pytest.raises(InputError, match="exists already and is kept"):
-        kept(secured(ring.folder), tmp_path / "there.mcap")
+        keep_parts(secure_parts(ring.folder), tmp_path / "there.mcap")
     assert (tmp_path / "there.mcap").read_text() == "precious"
 
 

@@ -176,7 +176,7 @@ class Drive:
     def ready(self, **_):
         pass
 
-    def stepped(self, *reasons):
+    def count_step(self, *reasons):
         self.reasons += reasons
 
 

@@ -34,7 +34,7 @@ from vehicle.actuators.rc.actuator import BRAKE_FROM_MPS2, PcaActuator, SerialAc
 from vehicle.actuators.rc.guard import Guard
 from vehicle.actuators.rc.motion import LEAD_MPS, SpeedIntegrator
 from vehicle.actuators.rc.pca9685 import LED0_ON_L
-from vehicle.actuators.rc.serial_board import encoded
+from vehicle.actuators.rc.serial_board import encode_pulse
 from vehicle.measurement.check import build as build_check
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
@@ -435,7 +435,7 @@ def test_a_baud_rate_that_cannot_carry_the_pulses_is_refused(tmp_path, protocol,
     changed = dict(protocol=protocol, baud=baud, speed="modelled")
     if fits:
         settings = board(tmp_path / "tty", **changed)
-        sent = sum(len(encoded(protocol, channel, 1500.0)) for channel in settings.rest_us)
+        sent = sum(len(encode_pulse(protocol, channel, 1500.0)) for channel in settings.rest_us)
         assert 1.5 * 100 * sent <= baud / 10
     else:
         with pytest.raises(ValidationError, match=f"two pulses at 100 Hz with {protocol} need at least"):

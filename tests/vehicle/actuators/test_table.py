@@ -24,7 +24,7 @@ def car(tmp_path, monkeypatch):
 
 
 def test_the_default_is_the_simulated_car_which_is_a_process_of_its_own():
-    assert table.configured() == ("sim", None)
+    assert table.configured_actuator() == ("sim", None)
     with pytest.raises(
         InputError, match=r"actuator.yaml:5:1: actuator: 'sim' is the car of the process sim_harness"
     ):
@@ -33,7 +33,7 @@ def test_the_default_is_the_simulated_car_which_is_a_process_of_its_own():
 
 def test_a_car_overrides_single_fields_of_the_block(car):
     car("actuator: can\ncan: {channel: can7}\n")
-    name, settings = table.configured()
+    name, settings = table.configured_actuator()
     assert name == "can"
     assert isinstance(settings, CanSettings)
     assert (settings.interface, settings.channel) == ("socketcan", "can7")
@@ -72,12 +72,12 @@ def test_a_missing_library_is_one_line_with_the_remedy(car, monkeypatch):
     car("actuator: can\n")
     monkeypatch.setattr(table, "OWN", {**table.OWN, "can": "no_such_library.can:CanActuator"})
     with pytest.raises(InputError, match=r"needs the package no_such_library: pip install 'trepid\[can\]'"):
-        table.configured()
+        table.configured_actuator()
 
 
 def test_an_actuator_of_another_package_is_found_by_its_entry_point(car, monkeypatch):
     car("actuator: theirs\ntheirs: {interface: x, channel: y, map: z}\n")
     point = type("Point", (), {"value": "x", "load": lambda self: table.resolve_name(table.OWN["can"])})()
     monkeypatch.setattr(table.plugins, "added", lambda group: {"theirs": point})
-    name, settings = table.configured()
+    name, settings = table.configured_actuator()
     assert (name, settings.channel) == ("theirs", "y")

@@ -17,7 +17,7 @@ from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.car.camera import Camera
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CONFIG_DIR, ROOT, load
-from trepid.images.jpeg import Thinned
+from trepid.images.jpeg import RateFilter
 from trepid.messages import Frame, Health
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, DIAGNOSTICS
 from vehicle.cameras.node import CameraStep
@@ -46,7 +46,7 @@ def test_every_frame_is_published_and_encoded_as_often_as_set(settings: dict[str
 
 @pytest.mark.parametrize(("given_hz", "limit_hz", "published"), [(30, 15, 15), (30, 25, 25), (30, 60, 30)])
 def test_a_highest_rate_leaves_frames_out(given_hz: int, limit_hz: float, published: int) -> None:
-    rate = Thinned(limit_hz)
+    rate = RateFilter(limit_hz)
     passed = sum(rate.passes(50 + n / given_hz) for n in range(10 * given_hz)) / 10
     assert passed == pytest.approx(published, rel=0.05)
 

@@ -36,7 +36,7 @@ def test_the_settings_choose_a_source_and_the_car_overrides_its_fields(car: Path
 def test_the_default_settings_are_valid_for_every_source(car: Path) -> None:
     for name in table.OWN:
         (car / "camera_source.yaml").write_text(f"source: {name}\n")
-        assert table.configured()[0] == name
+        assert table.configured_source()[0] == name
 
 
 @pytest.mark.parametrize(

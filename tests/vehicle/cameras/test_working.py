@@ -35,7 +35,7 @@ def test_an_image_of_the_working_size_is_not_changed() -> None:
 @settings(max_examples=15)
 @given(scale=st.sampled_from([2, 3, 4, 5]), ahead_m=st.floats(5, 30), bearing=st.floats(-0.4, 0.4))
 def test_the_intrinsics_scale_with_the_image(scale: int, ahead_m: float, bearing: float) -> None:
-    large = CAMERA.resized(CAMERA.width_px * scale, CAMERA.height_px * scale)
+    large = CAMERA.resize(CAMERA.width_px * scale, CAMERA.height_px * scale)
     road_m = [[CAMERA.x_m + ahead_m, bearing * ahead_m]]
     (u, v), (wanted_u, wanted_v) = large.pixel_from_road(road_m)[0], CAMERA.pixel_from_road(road_m)[0]
     row, column = np.indices((large.height_px, large.width_px), sparse=True)

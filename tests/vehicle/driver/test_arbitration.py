@@ -7,7 +7,7 @@ import pytest
 from vehicle_driver_rig import INPUT, TIMEOUT_S
 
 from trepid.messages import Command, VehicleState
-from vehicle.driver.arbitration import Demand, arbitrate, reported
+from vehicle.driver.arbitration import Demand, arbitrate, report_override
 
 COMMAND = Command(t_s=9.9, road_wheel_angle_rad=0.1, speed_mps=2.0, accel_mps2=0.5)
 BY_HAND = replace(INPUT, override=True, road_wheel_angle_rad=-0.2, accel_mps2=0.3, speed_mps=1.0)
@@ -74,6 +74,6 @@ def test_an_override_is_reported_in_the_state() -> None:
     state = VehicleState(
         t_s=NOW_S, speed_mps=1.0, road_wheel_angle_rad=0.0, yaw_rate_radps=None, driver_override=False
     )
-    assert reported(state, decided(BY_HAND)).driver_override
-    assert reported(state, decided(INPUT)) == state
-    assert reported(replace(state, driver_override=True), decided(INPUT)).driver_override
+    assert report_override(state, decided(BY_HAND)).driver_override
+    assert report_override(state, decided(INPUT)) == state
+    assert report_override(replace(state, driver_override=True), decided(INPUT)).driver_override

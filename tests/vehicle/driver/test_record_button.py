@@ -9,7 +9,7 @@ from process_rig import until
 from vehicle_driver_rig import SETTINGS, button
 
 from drive.open_road import OpenRoad
-from drive.plan import planned
+from drive.plan import plan_processes
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CAR
@@ -40,7 +40,7 @@ def pad(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 def test_a_press_of_the_record_button_starts_a_recording_and_the_next_one_ends_it(
     pad: int, tmp_path: Path
 ) -> None:
-    specs = planned(load_processes(), OpenRoad())
+    specs = plan_processes(load_processes(), OpenRoad())
     assert [spec.name for spec in specs] == ["recorder", "driver"]
     offset_ns, endpoint, folder = epoch_offset_ns(), free_endpoint(), tmp_path / "recordings"
     said = {}
@@ -77,5 +77,5 @@ def test_a_press_of_the_record_button_starts_a_recording_and_the_next_one_ends_i
 
 
 def test_a_car_without_driver_input_has_no_recorder() -> None:
-    assert "recorder" not in [spec.name for spec in planned(load_processes(), OpenRoad())]
-    assert "recorder" in [spec.name for spec in planned(load_processes(), OpenRoad(), recorded=True)]
+    assert "recorder" not in [spec.name for spec in plan_processes(load_processes(), OpenRoad())]
+    assert "recorder" in [spec.name for spec in plan_processes(load_processes(), OpenRoad(), recorded=True)]

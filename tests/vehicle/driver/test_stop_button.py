@@ -26,14 +26,14 @@ def test_without_a_request_every_command_passes():
     button = StopButton(standstill_mps=0.05)
     for seen in (MOVES, STANDS, UNKNOWN, None):
         button.hear(None, seen, now_s=0.0)
-        assert not button.stops and button.permitted(command()) is not None
+        assert not button.stops and button.permit(command()) is not None
 
 
 def test_a_moving_car_is_stopped_with_steering_and_a_standing_one_gets_no_command():
     button = pressed()
-    assert button.stops and button.permitted(command()) is not None
+    assert button.stops and button.permit(command()) is not None
     button.hear(None, STANDS, now_s=9.0)
-    assert not button.stops and button.permitted(command()) is None and button.held
+    assert not button.stops and button.permit(command()) is None and button.held
 
 
 @pytest.mark.parametrize("seen", [MOVES, UNKNOWN, None])
@@ -42,7 +42,7 @@ def test_a_release_counts_only_at_a_known_standstill(seen):
     button.hear(RELEASE, seen, now_s=0.0)
     assert button.held and button.stops
     button.hear(RELEASE, STANDS, now_s=0.0)
-    assert not button.held and button.permitted(command()) is not None
+    assert not button.held and button.permit(command()) is not None
 
 
 def test_an_old_release_is_not_heard_and_an_old_stop_is():
@@ -66,7 +66,7 @@ def test_behind_the_limiter_the_car_stops_stays_and_drives_on_after_the_release(
         seen = state(now_s, speed_mps=speed_mps)
         button.hear(request, seen, now_s=now_s)
         wanted = command(now_s, speed_mps=5.0, accel_mps2=1.0 if speed_mps < 5.0 else 0.0)
-        applied = node.step(button.permitted(wanted), now_s, seen, stop=button.stops, now_s=now_s)
+        applied = node.step(button.permit(wanted), now_s, seen, stop=button.stops, now_s=now_s)
         assert applied.command is not None
         speed_mps = max(0.0, speed_mps + 0.01 * applied.command.accel_mps2)
         speeds.append(speed_mps)

@@ -59,7 +59,7 @@ def driven(
             seen = wrong(seen, first)
         judged.append((now_s, check.step(seen, now_s=now_s)))
         order = Command(t_s=now_s, road_wheel_angle_rad=steer(now_s), speed_mps=5.0, accel_mps2=accel(now_s))
-        check.given(order)
+        check.add_command(order)
         pose = model.step(pose, order, PERIOD_S)
     return judged
 
@@ -88,7 +88,7 @@ def test_no_sequence_of_floats_gets_a_value_through_that_no_car_has(values):
         )
         for before, after, limit in zip((speed, wheel, yaw, torque), published, most, strict=True):
             assert after is None or (after == before and abs(after) <= limit)
-        check.given(Command(t_s=0.0, road_wheel_angle_rad=0.0, speed_mps=5.0, accel_mps2=0.0))
+        check.add_command(Command(t_s=0.0, road_wheel_angle_rad=0.0, speed_mps=5.0, accel_mps2=0.0))
 
 
 @given(st.lists(st.tuples(anything, anything, anything), min_size=1, max_size=60))
@@ -306,5 +306,5 @@ def test_a_speed_that_jumps_holds_only_where_the_car_was_moved_by_hand(restarted
         speed_mps = 5.0 if k < 200 else 9.0
         seen = state(speed_mps + 1e-6 * math.sin(1000.0 * k), 1e-6 * math.sin(k), 1e-6 * math.cos(k), now_s)
         judged.append((now_s, check.step(seen, now_s=now_s)))
-        check.given(Command(t_s=now_s, road_wheel_angle_rad=0.0, speed_mps=5.0, accel_mps2=0.0))
+        check.add_command(Command(t_s=now_s, road_wheel_angle_rad=0.0, speed_mps=5.0, accel_mps2=0.0))
     assert (SPEED in doubted(judged)) is not restarted

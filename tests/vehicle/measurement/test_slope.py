@@ -85,5 +85,7 @@ def test_a_car_that_steers_against_wind_and_ruts_is_believed(speed_mps, frequenc
         place_m += speed_mps * heading_rad * PERIOD_S
         orders.append(-(0.8 * heading_rad + 1.5 * place_m / speed_mps) / bicycle.per_rad(speed_mps))
         order_rad = orders.popleft()
-        check.given(Command(t_s=now_s, road_wheel_angle_rad=order_rad, speed_mps=speed_mps, accel_mps2=0.0))
+        check.add_command(
+            Command(t_s=now_s, road_wheel_angle_rad=order_rad, speed_mps=speed_mps, accel_mps2=0.0)
+        )
         wheel_rad += PERIOD_S / CAR.steering_lag_s * (order_rad - wheel_rad)

@@ -68,7 +68,7 @@ def test_a_name_of_a_topic_holds_only_what_ros_allows(name: str, expected: str) 
 
 
 def test_the_default_settings_forward_commands_decisions_estimates_and_compressed_images() -> None:
-    topics = load_settings().forwarded("shuttle", ("cv",), None)
+    topics = load_settings().forwarded_topics("shuttle", ("cv",), None)
     assert topics["supervisor/decision"] == RosTopic(
         "/trepid/shuttle/supervisor/decision", "trepid_msgs/msg/Decision"
     )
@@ -80,7 +80,7 @@ def test_the_default_settings_forward_commands_decisions_estimates_and_compresse
 def test_a_topic_that_is_not_one_of_a_drive_is_refused_with_the_nearest_name() -> None:
     settings = load_settings().model_copy(update={"exclude": ("camera/imagee",)})
     with pytest.raises(InputError, match=r"no topic 'camera/imagee' in a drive; .*camera/image"):
-        settings.forwarded("shuttle", (), None)
+        settings.forwarded_topics("shuttle", (), None)
 
 
 DRIVER = "actuator: ackermann\nackermann: {state: odometry, wheel_angle: commanded}\n"
@@ -88,7 +88,7 @@ DRIVER = "actuator: ackermann\nackermann: {state: odometry, wheel_angle: command
 
 def test_the_limited_command_has_the_name_that_the_driver_of_the_car_expects(car) -> None:
     car(actuator=DRIVER, ros="names: {actuator/command: /ackermann_cmd}\n")
-    topics = load_settings().forwarded("shuttle", (), ackermann_driver())
+    topics = load_settings().forwarded_topics("shuttle", (), ackermann_driver())
     assert topics["actuator/command"] == RosTopic(
         "/ackermann_cmd", "ackermann_msgs/msg/AckermannDriveStamped"
     )
@@ -100,7 +100,7 @@ def test_without_an_ackermann_driver_no_limited_command_is_promised(car) -> None
     with pytest.raises(
         InputError, match=r"'actuator/command' in a drive.*limited command.*actuator: ackermann"
     ):
-        load_settings().forwarded("shuttle", (), ackermann_driver())
+        load_settings().forwarded_topics("shuttle", (), ackermann_driver())
 
 
 def test_a_state_from_the_graph_needs_an_ackermann_driver_and_a_drive_without_keys(car) -> None:

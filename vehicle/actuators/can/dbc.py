@@ -189,7 +189,7 @@ class Dbc:
         used = [signal for signal in message.signals if self._name(message, signal) in signals]
         for signal in used:
             self._is_alone(name, message, signal)
-        text = self._reduced(message, {signal.name for signal in used})
+        text = self._reduce(message, {signal.name for signal in used})
         try:
             database: Any = cantools.database.load_string(text, database_format="dbc", strict=True)
         except (cantools.Error, ValueError, KeyError) as error:
@@ -220,7 +220,7 @@ class Dbc:
                 what = f"signals {signal.name} and {other.name} of message {name} overlap, first in {place}"
                 raise self._wrong(signal.statement, what)
 
-    def _reduced(self, message: _Message, names: Set[str]) -> str:
+    def _reduce(self, message: _Message, names: Set[str]) -> str:
         """The text with all but ``message``, its signals ``names`` and what says more of them blanked."""
         own = {message.statement, *(each.statement for each in message.signals if each.name in names)}
         parts, position = [], 0

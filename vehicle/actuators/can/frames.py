@@ -9,7 +9,7 @@ from vehicle.actuators.can.checksums import checksum
 from vehicle.actuators.can.dbc import Selector
 from vehicle.actuators.can.invalid import InvalidValues
 from vehicle.actuators.can.quantities import largest
-from vehicle.actuators.can.settings import Conversion, Mapped
+from vehicle.actuators.can.settings import Conversion, MessageMapping
 
 MOST_LOST = 2  # consecutive messages that may be lost without a wrong counter
 RIGHT_AGAIN = 3  # consecutive right counters after a wrong one before a message counts again
@@ -41,7 +41,7 @@ def to_quantity(conversion: Conversion, value: float) -> float:
 class Protection:
     """Counter and checksum of one message; ``message`` is that of cantools."""
 
-    def __init__(self, mapped: Mapped, message: Any) -> None:
+    def __init__(self, mapped: MessageMapping, message: Any) -> None:
         self._message = message
         self._checksum = mapped.checksum
         self.counter = mapped.counter.signal if mapped.counter else None
@@ -53,20 +53,20 @@ class Protection:
             self._field = message.get_signal_by_name(self._checksum.signal)
             self._cover = self._bits_of_field()
 
-    def sealed(self, values: dict[str, float]) -> bytes:
+    def seal(self, values: dict[str, float]) -> bytes:
         """Bytes of ``values`` with their checksum."""
         if self._checksum is None:
             return bytes(self._message.encode(values, strict=False))
         name = self._checksum.signal
         data = bytes(self._message.encode({**values, name: 0}, strict=False))
-        return bytes(self._message.encode({**values, name: self._computed(data)}, strict=False))
+        return bytes(self._message.encode({**values, name: self._compute_checksum(data)}, strict=False))
 
     def intact(self, data: bytes, values: Mapping[str, Any]) -> bool:
         """Whether the checksum in ``data``, of which ``values`` were decoded, is right."""
         if self._checksum is None:
             return True
         zeroed = bytes(byte & ~cover for byte, cover in zip(data, self._cover, strict=True))
-        return int(values[self._checksum.signal]) == self._computed(zeroed)
+        return int(values[self._checksum.signal]) == self._compute_checksum(zeroed)
 
     def _bits_of_field(self) -> bytes:
         """The bits of the checksum, as ones."""
@@ -74,7 +74,7 @@ class Protection:
         zero = {signal.name: 0 for signal in self._message.signals}
         return bytes(self._message.encode({**zero, self._field.name: ones}, scaling=False, strict=False))
 
-    def _computed(self, data: bytes) -> int:
+    def _compute_checksum(self, data: bytes) -> int:
         assert self._checksum is not None
         return checksum(
             self._checksum.algorithm,
@@ -91,7 +91,7 @@ class Sender:
 
     def __init__(
         self,
-        mapped: Mapped,
+        mapped: MessageMapping,
         conversions: Sequence[Any],
         constants: Mapping[str, float],
         message: Any,
@@ -125,21 +125,25 @@ class Sender:
         if self._protection.counter is not None:
             values[self._protection.counter] = self._count
             self._count = (self._count + 1) % self._protection.modulo
-        return self._protection.sealed(values)
+        return self._protection.seal(values)
 
 
 def _invalid_value(message: Any, name: str) -> float:
     """The value that the DBC names invalid of the signal ``name``, in its units; that of zero without one."""
     signal = message.get_signal_by_name(name)
     check = InvalidValues(signal, message.protocol)
-    return check.value(check.sent) if check.sent is not None else 0.0
+    return check.value(check.value_to_send) if check.value_to_send is not None else 0.0
 
 
 class Receiver:
     """A message that arrives: bytes to quantities, refused with a wrong length, checksum or counter."""
 
     def __init__(
-        self, mapped: Mapped, conversions: Sequence[Any], message: Any, selector: Selector | None = None
+        self,
+        mapped: MessageMapping,
+        conversions: Sequence[Any],
+        message: Any,
+        selector: Selector | None = None,
     ) -> None:
         """``selector``: what tells the frames with the mapped signals; None: all frames have them."""
         self.name: str = message.name

@@ -85,7 +85,7 @@ class InvalidValues:
         self._reserved_from = _first_reserved(signal.length) if plain else math.inf
 
     @property
-    def sent(self) -> int | None:
+    def value_to_send(self) -> int | None:
         """The least raw value that the DBC names invalid; None: it names none."""
         return min(self._named, default=None)
 

@@ -88,7 +88,7 @@ class Checksum(Settings):
     data_id: tuple[Annotated[int, Field(ge=0, le=255)], ...] = ()  # precedes the data in a CRC
 
 
-class Mapped(Settings):
+class MessageMapping(Settings):
     """A message of the DBC."""
 
     message: str
@@ -96,7 +96,7 @@ class Mapped(Settings):
     checksum: Checksum | None = None
 
 
-class CommandMessage(Mapped):
+class CommandMessage(MessageMapping):
     """A message that is sent; signals named nowhere are sent as zero."""
 
     period_s: Annotated[float, Field(ge=0.01)]  # the process writes at 100 Hz
@@ -104,7 +104,7 @@ class CommandMessage(Mapped):
     constants: dict[str, float] = Field(default_factory=dict)  # signal -> value in its units
 
 
-class ReportMessage(Mapped):
+class ReportMessage(MessageMapping):
     """A message that the car sends."""
 
     period_s: Positive  # at which the car sends it

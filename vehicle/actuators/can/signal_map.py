@@ -7,7 +7,7 @@ from ruamel.yaml.comments import CommentedMap
 
 from controller.limiter import Limits
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, load, located, parse, read
+from trepid.config import CONFIG_DIR, InputError, fault_line, load, parse, read
 from trepid.spelling import did_you_mean
 from vehicle.actuators.can.checksums import WHOLE_BYTE
 from vehicle.actuators.can.dbc import Dbc, Selector
@@ -80,9 +80,11 @@ def _database(path: Path, data: CommentedMap, settings: CanMap) -> Dbc:
     try:
         dbc = Dbc(file)
     except InputError as error:
-        raise InputError(located(("dbc",), str(error), data, path)) from error
+        raise InputError(fault_line(("dbc",), str(error), data, path)) from error
     if not dbc.messages:
-        raise InputError(located(("dbc",), f"{file}: is no DBC: no line `BO_ <id> <name>: ...`", data, path))
+        raise InputError(
+            fault_line(("dbc",), f"{file}: is no DBC: no line `BO_ <id> <name>: ...`", data, path)
+        )
     return dbc
 
 
@@ -120,7 +122,7 @@ class _Check:
         self.selectors: dict[str, Selector] = {}
 
     def _wrong(self, where: Place, what: str) -> InputError:
-        return InputError(located(where, what, self._data, self._path))
+        return InputError(fault_line(where, what, self._data, self._path))
 
     def message(self, where: Place, mapped: Either, ranges: dict[str, tuple[float, float]]) -> None:
         """Check one message; ``ranges`` [SI] must fit into its signals."""

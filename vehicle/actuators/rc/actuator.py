@@ -28,7 +28,7 @@ from vehicle.actuators.rc.pca9685 import Pca9685
 from vehicle.actuators.rc.pulses import Steering, Throttle
 from vehicle.actuators.rc.serial_board import SerialBoard
 from vehicle.actuators.rc.settings import PcaSettings, RcSettings, SerialSettings, SpeedSource
-from vehicle.actuators.table import FILE, configured
+from vehicle.actuators.table import FILE, configured_actuator
 
 CHECK_EVERY = 50  # writes, half a second: settings file, and whether the PCA9685 has lost its power
 BRAKE_FROM_MPS2 = 1.5  # a harder brake than that of a neutral throttle
@@ -78,10 +78,12 @@ class PulseCalibration:
             if written == self._written:
                 return
             self._written = written
-            name, settings = configured()
+            name, settings = configured_actuator()
             if name != self._name or not isinstance(settings, RcSettings):
                 raise InputError(f"actuator.yaml names {name!r} now")
-            if _fixed(settings.steering, settings.throttle) != _fixed(self.steering, self.throttle):
+            if _fixed_values(settings.steering, settings.throttle) != _fixed_values(
+                self.steering, self.throttle
+            ):
                 raise InputError("other channels or another neutral_us count from the next start on")
             require_reach(name, settings.steering, self._vehicle)
         except InputError as error:
@@ -90,7 +92,7 @@ class PulseCalibration:
         self.steering, self.throttle, self.refused = settings.steering, settings.throttle, ""
 
 
-def _fixed(steering: Steering, throttle: Throttle) -> tuple[int, int, float]:
+def _fixed_values(steering: Steering, throttle: Throttle) -> tuple[int, int, float]:
     """What must not change while driving: the guard and the speed controller have learned it at their start."""
     return steering.channel, throttle.channel, throttle.neutral_us
 
@@ -160,7 +162,7 @@ class RcActuator:
         )
         if throttle.brake_us is not None and brakes and (measured_mps or 0.0) > BRAKE_ABOVE_MPS:
             throttle_us = throttle.brake_us
-        self._angle_rad = steering.reached_rad(command.road_wheel_angle_rad)
+        self._angle_rad = steering.reachable_angle_rad(command.road_wheel_angle_rad)
         self._board.write(
             {steering.channel: steering.pulse_us(self._angle_rad), throttle.channel: throttle_us}, now_s=now_s
         )
@@ -211,7 +213,7 @@ class PcaBoard:
         self._writes = self._resets = 0
         self._rest_us = settings.rest_us
         try:
-            self._steering_us = self._begun(settings.steering, settings.throttle)
+            self._steering_us = self._begin(settings.steering, settings.throttle)
             self._guard = Guard(settings)
         except OSError:
             self._chip.close()
@@ -227,7 +229,7 @@ class PcaBoard:
         self._chip.write(pulses_us)
         self._guard.alive()
 
-    def _begun(self, steering: Steering, throttle: Throttle) -> float:
+    def _begin(self, steering: Steering, throttle: Throttle) -> float:
         """Set neutral, and the centre where the chip holds no pulse within the hard ends; the steering pulse."""
         held_us = self._chip.pulse_us(steering.channel)
         if held_us is None or abs(held_us - steering.within(held_us)) > self._chip.count_us:
@@ -270,11 +272,11 @@ def open_board(settings: RcSettings) -> Board:
             raise InputError(f"serial: needs the package {error.name}: pip install 'trepid[rc]'") from error
         except OSError as error:
             if time.monotonic() >= deadline_s:
-                raise InputError(_unopened(settings, error)) from error
+                raise InputError(_opening_fault(settings, error)) from error
             time.sleep(RETRY_S)
 
 
-def _unopened(settings: RcSettings, error: OSError) -> str:
+def _opening_fault(settings: RcSettings, error: OSError) -> str:
     what = " ".join((os.strerror(error.errno) if error.errno else str(error)).split())
     if isinstance(settings, PcaSettings):
         where = f"pca9685: {settings.bus}, address 0x{settings.address:02x}"

@@ -70,7 +70,7 @@ class SocketI2c:
 
     def __init__(self, path: str, address: int) -> None:
         self._path, self._address = path, address
-        self._socket = _connected(path)
+        self._socket = _connect(path)
 
     def write(self, data: bytes) -> None:
         """Send ``data`` in one transfer."""
@@ -86,7 +86,7 @@ class SocketI2c:
 
     def _transfer(self, packet: bytes) -> bytes:
         if self._socket.fileno() < 0:
-            self._socket = _connected(self._path)
+            self._socket = _connect(self._path)
         try:
             self._socket.send(packet)
             answer = self._socket.recv(256)
@@ -101,7 +101,7 @@ class SocketI2c:
         return answer[1:]
 
 
-def _connected(path: str) -> socket.socket:
+def _connect(path: str) -> socket.socket:
     made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     made.settimeout(TIMEOUT_S)
     try:

@@ -63,7 +63,7 @@ class Steering(Pulses):
         points = [(self.right_us, -self.right_rad), (self.centre_us, 0.0), (self.left_us, self.left_rad)]
         return _between(sorted(points), pulse_us)
 
-    def reached_rad(self, angle_rad: float) -> float:
+    def reachable_angle_rad(self, angle_rad: float) -> float:
         """The part of ``angle_rad`` within both ends."""
         return max(-self.right_rad, min(self.left_rad, angle_rad))
 

@@ -21,7 +21,7 @@ WRITE_TIMEOUT_S = 0.05
 RETRY_S = 0.5
 
 
-def encoded(protocol: str, channel: int, pulse_us: float) -> bytes:
+def encode_pulse(protocol: str, channel: int, pulse_us: float) -> bytes:
     """The bytes that set one pulse."""
     if protocol == "ascii":
         return f"S{channel} {round(pulse_us)}\n".encode()
@@ -51,14 +51,14 @@ class SerialBoard:
         if self._port is None and now_s >= self._retry_s:
             self._retry_s = now_s + RETRY_S
             self._open()
-        data = b"".join(encoded(self._settings.protocol, *item) for item in pulses_us.items())
+        data = b"".join(encode_pulse(self._settings.protocol, *item) for item in pulses_us.items())
         self._writes += 1
         asks = self._settings.protocol == "maestro" and self._writes % ASK_EVERY == 0
         if asks and self._unanswered:
             self._unanswered = False
             raise OSError(errno.ETIMEDOUT, f"{self._settings.port}: the board does not answer")
         self._unanswered = self._unanswered or asks
-        self._tried(lambda port: port.write(data + (bytes([GET_ERRORS]) if asks else b"")))
+        self._attempt(lambda port: port.write(data + (bytes([GET_ERRORS]) if asks else b"")))
 
     def steering_us(self) -> None:
         """None: the board reports no pulse."""
@@ -66,7 +66,7 @@ class SerialBoard:
 
     def speed_mps(self, *, now_s: float) -> tuple[float, float] | None:
         """Newest speed [m/s] and its time; None when it is older than ``timeout_s`` or there is none."""
-        self._received += self._tried(lambda port: port.read(port.in_waiting))
+        self._received += self._attempt(lambda port: port.read(port.in_waiting))
         if self._settings.protocol == "maestro":
             self._take_errors()
         else:
@@ -117,7 +117,7 @@ class SerialBoard:
         self._received = b""
         self._speed_mps = None
 
-    def _tried(self, act: Any) -> Any:
+    def _attempt(self, act: Any) -> Any:
         if self._port is None:
             raise OSError(errno.ENODEV, f"{self._settings.port}: gone")
         try:

@@ -35,7 +35,7 @@ def dashed(period_m: float, dash_m: float, *, shift_m: float = 0.0, camera=CAMER
 
 @pytest.mark.parametrize(("period_m", "dash_m"), [(12.2, 3.05), (9.0, 3.0), (6.0, 2.0), (9.0, 5.0)])
 def test_the_period_on_the_road_is_measured_in_the_frames_that_show_it(period_m, dash_m):
-    camera = CAMERA.resized(960, 720)
+    camera = CAMERA.resize(960, 720)
     images = [dashed(period_m, dash_m, shift_m=period_m * n / 12, camera=camera) for n in range(12)]
     found = [dash_period(image, line(1.7, camera), camera.horizon_row_px) for image in images]
     periods = np.array([one for one in found if one is not None])
@@ -59,7 +59,7 @@ def test_a_darker_image_has_the_same_period():
 
 
 def test_reflectors_between_the_dashes_do_not_count():
-    camera = CAMERA.resized(960, 720)
+    camera = CAMERA.resize(960, 720)
     image = dashed(12.0, 3.0, shift_m=3.0, camera=camera)
     for stud_m in (9.0, 10.5, 12.0):
         ribbon(image, camera, STRAIGHT, 1.7, 0.12, WHITE, lambda station_m, at_m=stud_m: station_m == at_m)
@@ -84,7 +84,7 @@ def test_a_path_outside_the_image_or_above_the_horizon_has_no_period():
 
 
 def test_a_line_that_leaves_the_image_at_its_side_ends_no_dash_there():
-    camera = CAMERA.resized(960, 720)
+    camera = CAMERA.resize(960, 720)
     periods = []
     for n in range(12):
         image = dashed(9.0, 3.0, shift_m=0.75 * n, camera=camera)[:, 200:]

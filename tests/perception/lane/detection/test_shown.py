@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, road
 
-from perception.lane.detection.shown import shown
+from perception.lane.detection.shown import visible_share
 from perception.lane.model.geometry import LaneState
 from perception.lane.model.paths import boundary_paths
 
@@ -17,7 +17,7 @@ def paths(offset_m=0.0, width_m=WIDTH_M):
 
 
 def share(image, **claimed):
-    return shown(image, *paths(**claimed))
+    return visible_share(image, *paths(**claimed))
 
 
 def test_two_solid_lines_are_visible_along_the_whole_lane():
@@ -49,17 +49,17 @@ def test_a_light_pavement_beside_the_road_is_visible_as_a_step():
 
 def test_without_enough_rows_or_boundaries_nothing_is_said():
     image = road((0.0, 0.0, 0.0, 0.0))
-    assert shown(image, (), ()) is None
+    assert visible_share(image, (), ()) is None
     left, right = paths()
-    assert shown(image, left, ()) is None
+    assert visible_share(image, left, ()) is None
     rows = max(y for _, y in left)
     short = [tuple(point for point in path if point[1] > rows - 2) for path in (left, right)]
-    assert shown(image, *short) is None
+    assert visible_share(image, *short) is None
 
 
 def test_a_larger_image_of_the_same_road_shows_the_same():
-    big = CAMERA.resized(2 * CAMERA.width_px, 2 * CAMERA.height_px)
+    big = CAMERA.resize(2 * CAMERA.width_px, 2 * CAMERA.height_px)
     image = road((0.0, 0.0, 0.0, 0.0), dashed=True, camera=big)
     state = LaneState(np.array([0.0, 0.0, 0.0, 0.0, WIDTH_M, 0.0]), np.zeros((6, 6)))
     small = share(road((0.0, 0.0, 0.0, 0.0), dashed=True))
-    assert shown(image, *boundary_paths(state, big, reach_m=25.0)) == pytest.approx(small, abs=0.15)
+    assert visible_share(image, *boundary_paths(state, big, reach_m=25.0)) == pytest.approx(small, abs=0.15)

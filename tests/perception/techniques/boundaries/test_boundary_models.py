@@ -99,7 +99,7 @@ def test_the_same_seed_gives_the_same_curve(name):
 def test_an_empty_map_has_no_boundaries_and_a_full_one_no_good_ones(name, response):
     found = fit(name, Features(response, FeatureKind.LINE))
     if not response.any():
-        assert found.seen == 0 and found.reason
+        assert found.side_count == 0 and found.reason
     for side in (found.left, found.right):
         assert side is None or np.isfinite(side.y_m).all()
 
@@ -206,4 +206,4 @@ def test_arcs_remember_a_boundary_that_has_left_the_picture():
 
 def test_arcs_find_nothing_in_an_empty_picture():
     nothing = arcs(Evidence(Features(np.zeros((240, 320), np.uint8), FeatureKind.LINE), VIEW, None))
-    assert nothing.seen == 0 and nothing.reason and arc_lane(nothing, VIEW) is None
+    assert nothing.side_count == 0 and nothing.reason and arc_lane(nothing, VIEW) is None

@@ -50,12 +50,12 @@ def test_an_even_picture_and_sensor_noise_have_no_direction():
     noise = (PLAIN + np.random.default_rng(3).normal(0, 2, PLAIN.shape)).astype(np.uint8)
     assert not gabor(PLAIN, VIEW).response.any()
     assert (gabor(noise, VIEW).response > 0).mean() < 0.1
-    assert edges(np.dstack([PLAIN] * 3)).seen == 0
+    assert edges(np.dstack([PLAIN] * 3)).side_count == 0
 
 
 def test_the_vanishing_point_of_an_unmarked_road_gives_its_heading_and_its_edges():
     found = edges(unmarked())
-    assert found.seen == 2 and found.reason == ""
+    assert found.side_count == 2 and found.reason == ""
     for side, sign in ((found.left, 1), (found.right, -1)):
         at_m, slope = side.at(8.0), side.polynomial(1)[1]
         assert slope == pytest.approx(-HEADING_RAD, abs=np.deg2rad(1.5))
@@ -71,13 +71,13 @@ def test_the_mirrored_road_has_the_mirrored_edges():
 
 def test_without_directions_there_is_a_reason_and_no_edge():
     found = dominant_edges(Evidence(Features(np.ones((240, 320), np.float32), FeatureKind.LINE), VIEW))
-    assert found.seen == 0 and "gabor" in found.reason
+    assert found.side_count == 0 and "gabor" in found.reason
 
 
 def test_a_line_without_texture_along_it_is_no_edge():
     """A grating across the road points nowhere near it."""
     lower, view = below_horizon(np.dstack([grating(0.0)] * 3))
-    assert dominant_edges(Evidence(gabor(lower, view), view)).seen == 0
+    assert dominant_edges(Evidence(gabor(lower, view), view)).side_count == 0
 
 
 def test_outlier_stages_keep_the_directions():

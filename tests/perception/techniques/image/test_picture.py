@@ -6,22 +6,28 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from technique_rig import CAMERA, LANE, VIEW, road, straight_boundaries
 
-from perception.techniques.image.picture import Boundaries, FrameMotion, PixelBox, camera_view, moved
+from perception.techniques.image.picture import (
+    Boundaries,
+    FrameMotion,
+    PixelBox,
+    camera_view,
+    move_boundaries,
+)
 from perception.techniques.image.region import near, roi_fixed, roi_speed, roi_tracked
 from perception.techniques.image.warp import (
     BirdEyeSelf,
     area_resize,
     bird_eye,
     pitch_change_rad,
-    pitched,
+    pitch_view,
     view_from_above,
 )
 from perception.techniques.steering.lane import beside, exact_pair
 from perception.techniques.steering.rule import ImageLine, meeting_point
 
 ABOVE = view_from_above(VIEW, reach_m=30.0, half_width_m=8.0, pixel_m=0.08)
-CROP = VIEW.cropped(PixelBox(100, 240, 20, 300))
-VIEWS = {"camera": VIEW, "crop": CROP, "half": VIEW.resized(160, 120), "above": ABOVE}
+CROP = VIEW.crop(PixelBox(100, 240, 20, 300))
+VIEWS = {"camera": VIEW, "crop": CROP, "half": VIEW.resize(160, 120), "above": ABOVE}
 
 
 @pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)
@@ -57,7 +63,7 @@ def test_a_smaller_picture_keeps_the_mean_grey_and_its_geometry():
 
 @pytest.mark.parametrize("heading_rad", [0.0, 0.05, -0.08])
 def test_lines_are_parallel_from_above(heading_rad):
-    fine = CAMERA.resized(640, 480)
+    fine = CAMERA.resize(640, 480)
     image, view = bird_eye(road((0.1, heading_rad, 0.0, 0.0), camera=fine), camera_view(fine), pixel_m=0.04)
     excess = np.where(view.seen, np.clip(image[:, :, 0] - 130.0, 0, None), 0)
     rows, columns = np.nonzero(excess)
@@ -73,7 +79,7 @@ def test_lines_are_parallel_from_above(heading_rad):
 
 @pytest.mark.parametrize("error_rad", [0.02, -0.02])
 def test_the_pitch_follows_from_the_meeting_point_of_the_lines(error_rad):
-    image, wrong = road(LANE), pitched(VIEW, error_rad)
+    image, wrong = road(LANE), pitch_view(VIEW, error_rad)
     seen = pitch_change_rad(image, wrong)
     assert np.degrees(seen) == pytest.approx(-np.degrees(error_rad), abs=0.3)
     warp = BirdEyeSelf()
@@ -89,19 +95,19 @@ def test_without_lines_the_pitch_is_kept():
 def test_a_pitched_view_is_that_of_the_pitched_camera_also_in_a_part_of_its_picture():
     camera = CAMERA.model_copy(update=dict(pitch_down_rad=CAMERA.pitch_down_rad + 0.03))
     box = PixelBox(100, 240, 20, 300)
-    expected = camera_view(camera).cropped(box)
+    expected = camera_view(camera).crop(box)
     points = [(6.0, 1.0), (15.0, -2.0)]
-    assert pitched(VIEW.cropped(box), 0.03).pixels(points) == pytest.approx(expected.pixels(points))
+    assert pitch_view(VIEW.crop(box), 0.03).pixels(points) == pytest.approx(expected.pixels(points))
 
 
 def test_boundaries_stay_on_the_road_while_the_vehicle_moves():
     here = straight_boundaries(offset_m=0.3, heading_rad=0.1)
-    there = moved(here, FrameMotion(0.1, 10.0, 0.5))
+    there = move_boundaries(here, FrameMotion(0.1, 10.0, 0.5))
     state = exact_pair(there, VIEW)
     # 1 m along an arc that turns by 0.05: the heading grows by it, the offset by the heading on the way.
     assert state.lane.heading_rad == pytest.approx(0.15, abs=1e-6)
     assert state.lane.offset_m == pytest.approx(0.3 * np.cos(0.1) + np.sin(0.125), abs=1e-4)
-    assert moved(here, FrameMotion(0.1, None, None)).left.y_m == pytest.approx(here.left.y_m)
+    assert move_boundaries(here, FrameMotion(0.1, None, None)).left.y_m == pytest.approx(here.left.y_m)
 
 
 @settings(max_examples=25, deadline=None)

@@ -31,7 +31,7 @@ from perception.techniques.image.light import (
     median_auto,
 )
 from perception.techniques.image.rows import row_means, row_top_hat, width_px
-from perception.techniques.image.shadow import reintegrated, shadow_edges, without_shadows
+from perception.techniques.image.shadow import reintegrate, shadow_edges, without_shadows
 from perception.techniques.image.stripes import wavelet
 from trepid.config import InputError
 
@@ -246,7 +246,7 @@ def test_without_a_shadow_the_picture_is_unchanged():
 
 def test_a_picture_is_its_own_integral_where_no_edge_is_zeroed():
     values = RNG.normal(0, 1, (24, 40)).astype(np.float32)
-    back = reintegrated(values, np.zeros(values.shape, bool))
+    back = reintegrate(values, np.zeros(values.shape, bool))
     assert back == pytest.approx(values - values.mean(), abs=1e-4)
 
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane
-from perception.techniques.steering.lane import drawn, ground_curve
+from perception.techniques.steering.lane import draw_boundaries, ground_curve
 from trepid.clothoid import Lane
 
 
@@ -55,7 +55,7 @@ def test_one_boundary_gives_the_same_lane_without_its_width(shown):
 @settings(max_examples=40, deadline=None)
 def test_a_drawn_lane_is_measured_again(e, psi, kappa, width):
     lane = Lane(e, psi, kappa, 0.0)
-    again = ground_curve(drawn(lane, width, near_m=3, far_m=25, residual_m=0.0, support=1.0), VIEW)
+    again = ground_curve(draw_boundaries(lane, width, near_m=3, far_m=25, residual_m=0.0, support=1.0), VIEW)
     assert (*again.lane[:3], again.width_m) == pytest.approx((*lane[:3], width), abs=1e-4)
 
 

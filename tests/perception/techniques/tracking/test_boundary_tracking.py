@@ -10,24 +10,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.techniques.image.picture import Boundaries, FrameMotion
-from perception.techniques.steering.lane import drawn, ground_curve
-from perception.techniques.tracking.kalman import Extended, Kalman, Unscented, nis, spread, update
+from perception.techniques.steering.lane import draw_boundaries, ground_curve
+from perception.techniques.tracking.kalman import ExtendedKalman, Kalman, UnscentedKalman, nis, spread, update
 from perception.techniques.tracking.model import (
     E,
     Samples,
-    expected,
+    expected_offsets,
     expected_slope,
     moved_state,
     process_noise,
     transition,
 )
-from perception.techniques.tracking.sampled import Bayes, Particles, resampled
+from perception.techniques.tracking.sampled import Bayes, Particles, resample_indices
 from trepid.clothoid import Lane
 
 TRACKERS = {
     "kalman": Kalman,
-    "extended": Extended,
-    "unscented": Unscented,
+    "extended": ExtendedKalman,
+    "unscented": UnscentedKalman,
     "particles": Particles,
     "bayes": Bayes,
 }
@@ -55,7 +55,7 @@ def seen(state: np.ndarray, rng: np.random.Generator, *, noise: float = 1.0) -> 
     error = rng.normal(size=4) * [0.06, 0.01, 0.0015, 0.05] * noise
     e, psi, kappa, width = (state + error).tolist()
     lane = Lane(e, psi, kappa, 0.0)
-    return drawn(lane, width, near_m=4, far_m=24, residual_m=0.03, support=0.9)
+    return draw_boundaries(lane, width, near_m=4, far_m=24, residual_m=0.03, support=0.9)
 
 
 def errors(name: str, keep, *, seconds: float = 6.0, seed: int = 0, noise: float = 1.0) -> np.ndarray:
@@ -131,7 +131,7 @@ def test_a_lane_lost_for_too_long_is_none_and_not_the_old_one(name):
     for _ in range(110):
         last = tracker.step(NOTHING, FrameMotion(DT_S, SPEED_MPS, 0.0))
         supports.append(last.left.support if last.left else 0.0)
-    assert last.seen == 0 and last.reason
+    assert last.side_count == 0 and last.reason
     assert all(after <= before for before, after in pairwise(supports))
 
 
@@ -140,7 +140,9 @@ def test_a_single_wrong_frame_does_not_move_the_lane_far(name):
     def wrong(number: int, boundaries: Boundaries) -> Boundaries:
         if number != 80:
             return boundaries
-        return drawn(Lane(-1.2, 0.1, 0.0, 0.0), 3.5, near_m=4, far_m=24, residual_m=0.03, support=0.9)
+        return draw_boundaries(
+            Lane(-1.2, 0.1, 0.0, 0.0), 3.5, near_m=4, far_m=24, residual_m=0.03, support=0.9
+        )
 
     assert errors(name, wrong, seconds=3.4)[80, 0] < 0.3
 
@@ -194,7 +196,7 @@ def test_the_slope_of_the_samples_is_exact_when_centred():
     assert slope == pytest.approx(
         np.array([[-1, -5, 12.5, 0.5], [-1, -20, 200, -0.5]]), abs=1e-4
     )  # −1, −x, x²/2, ±½
-    assert expected(np.array([0.4, 0.0, 0.0, 3.5]), look)[0] == pytest.approx(1.35)
+    assert expected_offsets(np.array([0.4, 0.0, 0.0, 3.5]), look)[0] == pytest.approx(1.35)
 
 
 def test_spread_points_have_the_mean_and_covariance_they_stand_for():
@@ -207,7 +209,7 @@ def test_spread_points_have_the_mean_and_covariance_they_stand_for():
 def test_resampling_draws_each_particle_in_proportion_to_its_weight():
     weight = np.array([0.5, 0.0, 0.25, 0.25])
     counts = np.bincount(
-        resampled(np.repeat(weight, 100) / 100, np.random.default_rng(0)) // 100, minlength=4
+        resample_indices(np.repeat(weight, 100) / 100, np.random.default_rng(0)) // 100, minlength=4
     )
     assert counts == pytest.approx(weight * 400, abs=1)
 

@@ -15,7 +15,7 @@ from sim_harness.world.roads.disturbances import Disturbance
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
-CAMERA = load(CONFIG_DIR / "camera.yaml", Camera).resized(960, 720)
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera).resize(960, 720)
 GREY = 120
 ROAD = load_road("straight")
 WALK = replace(FIGURES[Shape.ADULT], speed_mps=1.4)
@@ -108,7 +108,7 @@ def test_nothing_is_drawn_behind_the_lens():
 
 def frame(*placed, **disturbances):
     kinds = [Disturbance(kind=kind, grade=grade) for kind, grade in disturbances.items()]
-    renderer = Renderer(ROAD, CAMERA.resized(320, 240), seed=1, disturbances=kinds)
+    renderer = Renderer(ROAD, CAMERA.resize(320, 240), seed=1, disturbances=kinds)
     return renderer.render(0.0, 0.0, 0.0, t_s=0.0, station_m=0.0, vehicles=placed).astype(int)
 
 
@@ -132,7 +132,7 @@ def test_fog_hides_a_far_person_and_headlights_show_a_near_one():
 
 def test_a_wet_road_mirrors_a_person():
     person = ((10.0, 0.0, 0.0), replace(WALK, looks=4))
-    below = round(pixel_of(10.0, 0.0, 0.0, CAMERA.resized(320, 240))[1]) + 4
+    below = round(pixel_of(10.0, 0.0, 0.0, CAMERA.resize(320, 240))[1]) + 4
 
     def change(**disturbances):
         return np.abs(frame(person, **disturbances) - frame(**disturbances))[below:].sum()
