@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from drive.course import Course, Findings
 from drive.log import DriveLog
-from drive.monitor import Monitor, Show
+from drive.monitor import Monitor, Show, unreported
 from drive.plan import (
     context_of,
     networks_in,
@@ -127,12 +127,16 @@ def drive(
 
 
 def telling(show: Show, say: Callable[[str], None], addresses: dict[str, str]) -> Show:
-    """``show``, which also passes to ``say`` the line of each of ``addresses`` once its process listens there."""
+    """``show``, which also passes to ``say`` the line of each of ``addresses`` once there is something to see.
+
+    Its process then listens there, and all that the drive waits for have reported, the camera among them.
+    """
     waiting = dict(addresses)
 
     def show_drive(log: DriveLog, fleet: Fleet, elapsed_s: float) -> None:
-        for name in waiting.keys() & log.diagnostics.keys():
-            say(waiting.pop(name))
+        if waiting and not unreported(log, fleet):
+            for name in waiting.keys() & log.diagnostics.keys():
+                say(waiting.pop(name))
         show(log, fleet, elapsed_s)
 
     return show_drive

@@ -22,6 +22,13 @@ Show = Callable[[DriveLog, Fleet, float], None]
 LISTEN_S = 0.02
 
 
+def unreported(log: DriveLog, fleet: Fleet) -> list[str]:
+    """The processes whose loss matters and which have not reported yet."""
+    specs = {name: child.spec for name, child in fleet.children.items()}
+    matters = [name for name, spec in specs.items() if spec.heartbeat and spec.loss is not Loss.NOTHING]
+    return [name for name in matters if name not in log.diagnostics]
+
+
 class Monitor:
     """Monitors one drive and evaluates it."""
 
@@ -74,7 +81,7 @@ class Monitor:
         while not signals:
             for exited in self._fleet.collect_exits():
                 raise InputError(self._start_fault(exited))
-            missing = self._missing()
+            missing = unreported(self._log, self._fleet)
             if not (missing or self._released or self._log.decision is None):
                 self._release()
             if self._released and self._course.has_begun(self._log.truth):
@@ -89,12 +96,6 @@ class Monitor:
                 raise InputError(self._not_ready(missing))
         self._problems += signals
         return False
-
-    def _missing(self) -> list[str]:
-        """The processes whose loss matters and which have not reported yet."""
-        specs = {name: child.spec for name, child in self._fleet.children.items()}
-        matters = [name for name, spec in specs.items() if spec.heartbeat and spec.loss is not Loss.NOTHING]
-        return [name for name in matters if name not in self._log.diagnostics]
 
     def _stop_before_start(self, signals: list[str]) -> None:
         """Wait for the standstill of a car that is to stop, at most for its time limit or until a second signal."""
@@ -203,6 +204,7 @@ class Monitor:
 
     def _receive(self, message: str) -> None:
         self._log.receive(timeout_s=LISTEN_S)
+        self._fleet.weigh(self._log.diagnostics)
         self._losses.publish(self._log.diagnostics)
         health = Health.ERROR if self._problems else Health.OK
         self._overview.publish(

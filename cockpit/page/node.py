@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import uvicorn
+from starlette.types import ASGIApp, Message
 
 from cockpit.page.feed import Feed
 from cockpit.page.hub import Hub
@@ -38,12 +39,13 @@ class Quiet(uvicorn.Server):
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
-        self.ended = asyncio.Event()
-        """The server is to end."""
+        self.listens, self.ended = asyncio.Event(), asyncio.Event()
+        """The server accepts requests; the server is to end."""
 
     async def main_loop(self) -> None:
         """Wait for the end; that of uvicorn wakes ten times a second, also for the header with the date."""
         await self.on_tick(0)
+        self.listens.set()
         await self.ended.wait()
 
     @contextlib.contextmanager
@@ -78,9 +80,13 @@ def run(me: Process) -> None:
 
 
 async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> None:
-    server = Quiet(_config(page, door))
+    application = page.application()
+    server = Quiet(_config(application, door))
     with listening(door.host, door.port) as socket:
         serving = asyncio.create_task(server.serve([socket]))
+        serving.add_done_callback(lambda _: server.listens.set())  # it does not get there
+        await server.listens.wait()
+        await _answer_once(application)
         me.ready(values=lambda: (("viewers", str(len(hub.viewers))),))
         while me.running() and not serving.done():
             pause_s = hub.turn()
@@ -93,10 +99,22 @@ async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> Non
         await serving
 
 
-def _config(page: PageServer, door: PageDoor) -> uvicorn.Config:
+async def _answer_once(application: ASGIApp) -> None:
+    """Answer a request that nobody made: it loads what the first answer needs, while the process starts."""
+
+    async def receive() -> Message:
+        return await asyncio.Future[Message]()  # it has no body, and does not disconnect
+
+    async def send(_: Message) -> None:
+        return
+
+    await application({"type": "http", "method": "GET", "path": "/", "headers": []}, receive, send)
+
+
+def _config(application: ASGIApp, door: PageDoor) -> uvicorn.Config:
     keys = door.keys
     return uvicorn.Config(
-        page.application(),
+        application,
         access_log=False,
         log_level="warning",
         lifespan="off",

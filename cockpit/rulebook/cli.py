@@ -12,7 +12,6 @@ from rich.console import Console
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
-from cockpit.logbook.explain_drive import explain_drive, is_recording
 from cockpit.rulebook.explanation import check_name, explanation
 from cockpit.rulebook.figure import sets_figure, surface_figure
 from cockpit.rulebook.show import show_rules, show_surface
@@ -209,6 +208,9 @@ def explain(
     Inputs that are not given stand at the calm end of their range. For a recording without --at, every slow-down is
     listed.
     """
+    # heavy, with the reader of recordings; a check on the live page starts without it
+    from cockpit.logbook.explain_drive import explain_drive, is_recording
+
     if is_recording(file):
         if values or calm:
             raise InputError(f"{file}: a recording has its own values; give the time with --at")

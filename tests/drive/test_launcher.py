@@ -4,19 +4,29 @@ from types import SimpleNamespace
 from typing import Any
 
 from drive.launcher import telling
+from trepid.processes.settings import Loss, ProcessSpec
 
 
-def test_an_address_is_printed_once_and_not_before_its_process_listens() -> None:
+def test_an_address_is_printed_once_and_not_before_its_process_listens_and_the_camera_gives_pictures() -> (
+    None
+):
     said: list[str] = []
     shown: list[float] = []
     show = telling(
         lambda _log, _fleet, elapsed_s: shown.append(elapsed_s), said.append, {"page": "live page: p"}
     )
-    log: Any = SimpleNamespace(diagnostics={"camera": None})
-    fleet: Any = SimpleNamespace()
+    log: Any = SimpleNamespace(diagnostics={})
+    specs = [
+        ProcessSpec("camera"),
+        ProcessSpec("page", loss=Loss.NOTHING),
+        ProcessSpec("lamp", loss=Loss.NOTHING),
+    ]
+    fleet: Any = SimpleNamespace(children={spec.name: SimpleNamespace(spec=spec) for spec in specs})
     show(log, fleet, 1.0)
-    assert said == []
     log.diagnostics["page"] = None
     show(log, fleet, 2.0)
+    assert said == []
+    log.diagnostics["camera"] = None
     show(log, fleet, 3.0)
-    assert (said, shown) == (["live page: p"], [1.0, 2.0, 3.0])
+    show(log, fleet, 4.0)
+    assert (said, shown) == (["live page: p"], [1.0, 2.0, 3.0, 4.0])

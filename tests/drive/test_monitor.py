@@ -25,6 +25,7 @@ def test_a_process_that_refuses_its_input_ends_the_drive_with_that_line():
     fleet = SimpleNamespace(
         children={"supervisor": SimpleNamespace(spec=ProcessSpec("supervisor", "supervisor.node"))},
         collect_exits=lambda: [ended],
+        weigh=len,
     )
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     scenario = load_scenario("straight", check=False)
@@ -41,7 +42,7 @@ def test_a_process_that_refuses_its_input_ends_the_drive_with_that_line():
 def test_a_real_car_that_moves_on_after_the_end_fails_the_drive(
     speed_mps: float, problems: list[str]
 ) -> None:
-    fleet = SimpleNamespace(children={}, collect_exits=list)
+    fleet = SimpleNamespace(children={}, collect_exits=list, weigh=len)
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     clock = map(float, itertools.count()).__next__  # a second passes at every reading
     with open_bus("car", clock, listen=free_endpoint()) as bus:
@@ -64,7 +65,7 @@ def test_a_real_car_that_moves_on_after_the_end_fails_the_drive(
 def test_a_drive_begins_without_a_process_whose_loss_changes_nothing():
     spec = ProcessSpec("page", "cockpit.page.node", loss=Loss.NOTHING)
     child = SimpleNamespace(spec=spec, popen=SimpleNamespace(pid=1), alive=True, restarts=0)
-    fleet = SimpleNamespace(children={"page": child}, collect_exits=list)
+    fleet = SimpleNamespace(children={"page": child}, collect_exits=list, weigh=len)
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     with open_bus("car", time.monotonic, listen=free_endpoint()) as bus:
         send = bus.publisher(DECISION)
@@ -78,7 +79,9 @@ def test_a_real_car_that_moves_before_the_start_is_stopped_before_its_processes_
     spec = ProcessSpec("page", "cockpit.page.node", loss=Loss.NOTHING)
     child = SimpleNamespace(spec=spec, popen=SimpleNamespace(pid=1), alive=True, restarts=0)
     exits: list[UnexpectedExit] = []
-    fleet = SimpleNamespace(children={"page": child}, collect_exits=lambda: [exits.pop()] if exits else [])
+    fleet = SimpleNamespace(
+        children={"page": child}, collect_exits=lambda: [exits.pop()] if exits else [], weigh=len
+    )
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     clock = itertools.count(step=0.1).__next__  # 0.1 s pass at every reading
     speeds_mps = [0.0, 2.0, 4.0, 6.0]

@@ -19,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -184,8 +184,20 @@ class Fleet:
         except BaseException:
             _end(child, deadline_s=time.monotonic())
             raise
-        child.weighed = not spec.nice or weigh_session(popen.pid, spec.nice)
+        child.weighed = not spec.nice
+        if _weighs_at_once(spec):
+            _weigh(child)
         return child
+
+    def weigh(self, begun: Collection[str]) -> None:
+        """Set the niceness of the sessions of those processes that have ``begun``: a heartbeat of them has come.
+
+        The start of Python and of its libraries takes seconds of processor time. With the weight of niceness 10 it
+        would last half a minute beside other work, and the process would be missing for as long.
+        """
+        for name, child in self.children.items():
+            if name in begun or _weighs_at_once(child.spec):
+                _weigh(child)
 
     def collect_exits(self) -> list[UnexpectedExit]:
         """The children that ended since the last call; starts those again whose restart is due.
@@ -200,8 +212,6 @@ class Fleet:
                 continue
             if not child.log.closed:
                 shorten(child.log)
-            if not child.weighed and child.alive:
-                child.weighed = weigh_session(child.popen.pid, child.spec.nice)
             returncode = child.popen.poll()
             if returncode is None or child.log.closed:
                 continue
@@ -328,6 +338,17 @@ def weigh_session(pid: int, nice: int) -> bool:
     return True
 
 
+def _weighs_at_once(spec: ProcessSpec) -> bool:
+    """True for a process that comes before others, and for one that reports nothing."""
+    return spec.nice < 0 or not spec.heartbeat
+
+
+def _weigh(child: Child) -> None:
+    """Set the niceness of the session of ``child``, unless it is set or the child has ended."""
+    if not child.weighed and child.alive:
+        child.weighed = weigh_session(child.popen.pid, child.spec.nice)
+
+
 def _schedule(spec: ProcessSpec, pid: int) -> None:
     """Set cores and niceness of a process that has just started; its threads inherit them. Raises InputError."""
     with suppress(ProcessLookupError):  # it has already ended, which is reported as such
@@ -349,6 +370,12 @@ def _end_all(children: Iterable[Child], *, grace_s: float) -> None:
             child.popen.terminate()
             child.popen.send_signal(signal.SIGCONT)  # a paused process handles SIGTERM only after it
     deadline_s = time.monotonic() + grace_s
+    for child in running:
+        # with its own weight it would end late beside other work
+        while child.spec.nice > 0 and child.alive and time.monotonic() < deadline_s:
+            if weigh_session(child.popen.pid, 0):
+                break
+            time.sleep(WEIGH_PERIOD_S)
     for child in running:
         _end(child, deadline_s=deadline_s)
 

@@ -76,8 +76,12 @@ def test_a_session_whose_niceness_linux_refuses_for_now_gets_it_later(
         pid = running.children["horn"].popen.pid
         assert os.getpriority(os.PRIO_PROCESS, pid) == 7
         for _ in range(4):
-            assert running.collect_exits() == []
-    assert written == [(f"/proc/{pid}/autogroup", "7")]
+            running.weigh(())
+        assert written == [], "until it has begun, it starts as fast as the others"
+        for _ in range(4):
+            running.weigh({"horn"})
+        assert written == [(f"/proc/{pid}/autogroup", "7")]
+    assert written[1:] == [(f"/proc/{pid}/autogroup", "0")], "it ends as fast as the others"
 
 
 @pytest.mark.parametrize("refusal", [FileNotFoundError, PermissionError, ProcessLookupError])
