@@ -2,7 +2,9 @@
 
 import difflib
 import json
+import re
 import time
+from collections.abc import Iterable
 from dataclasses import asdict
 from functools import partial
 from importlib.util import find_spec
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from sim_harness.tuning.study import StudyTask
 
 SETTINGS = CONFIG_DIR / "tune.yaml"
+CANDIDATE = re.compile(r"^\S*candidate\.yaml:")  # the file of a candidate, which is gone
+NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
 
 
 def tune(
@@ -168,11 +172,14 @@ def _tuned(task: "StudyTask", target: Path, judged: Plan, fresh: int, workers: i
     result: dict[str, Any] = {
         "study": task.name,
         "trials": len(found),
-        "invalid": sum(trial.state.name == "PRUNED" for trial in trials),
+        "invalid": sum(map(is_invalid, trials)),
+        "invalid_because": invalid_because(trials),
         "seen": {"before": start.user_attrs[SCORE], "after": best.user_attrs[SCORE]},
         "unseen_seed": fresh,
         "out": None,
     }
+    for row in result["invalid_because"]:
+        say(f"{row['count']} invalid: {row['first']}")
     if cost(best) >= cost(start):
         print(json.dumps(result) if as_json else f"no better than {task.rules.name} in {len(found)} trials")
         return 1
@@ -191,6 +198,26 @@ def _tuned(task: "StudyTask", target: Path, judged: Plan, fresh: int, workers: i
         Console().print(_score_table({**seen, "before (unseen)": before, "after (unseen)": after}))
         print("better on unseen cases too" if after.cost < before.cost else "NOT better on unseen cases")
     return 0 if after.cost < before.cost else 1
+
+
+def is_invalid(trial: Any) -> bool:
+    """True for a candidate that fails the check of rule files and was not driven."""
+    return bool(trial.state.name == "PRUNED")
+
+
+def invalid_because(trials: Iterable[Any]) -> list[dict[str, Any]]:
+    """Count and first example of each reason of the invalid candidates, the most frequent first.
+
+    Messages that differ in numbers only, such as the place in the file and the values, have one reason.
+    """
+    from sim_harness.tuning.study import INVALID
+
+    examples: dict[str, list[str]] = {}
+    for trial in filter(is_invalid, trials):
+        message = CANDIDATE.sub("", str(trial.user_attrs[INVALID]))
+        examples.setdefault(NUMBER.sub("", message), []).append(message)
+    most = sorted(examples.values(), key=len, reverse=True)
+    return [{"count": len(messages), "first": messages[0]} for messages in most]
 
 
 def difference(before: str, after: str, before_name: str, after_name: str) -> str:
@@ -221,7 +248,7 @@ class TrialProgress:
         complete = [trial for trial in trials if trial.state.name == "COMPLETE"]
         values = [trial.value for trial in complete]
         start = [trial.value for trial in complete if "start" in trial.user_attrs]
-        invalid = sum(trial.state.name == "PRUNED" for trial in trials)
+        invalid = sum(map(is_invalid, trials))
         self._had = len(values) if self._had is None else self._had
         new, left = len(values) - self._had, self._wanted - len(values)
         spent_s = time.monotonic() - self._began_s

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from ruamel.yaml import YAML
 
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.sweep.plan import Plan, by_seeds, plan
-from sim_harness.tuning.cli import check_start, difference, drawn, tune
+from sim_harness.tuning.cli import check_start, difference, drawn, invalid_because, tune
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.score import Fearless, driven_by, fearless, reference, score
 from sim_harness.tuning.settings import Span, TuneSettings, parse_vary
@@ -222,6 +224,24 @@ def test_at_least_four_of_five_candidates_of_the_default_ranges_pass_the_checks(
         except InputError:
             continue  # sets in disorder
     assert good >= 16
+
+
+def test_reasons_of_invalid_candidates_are_counted_whatever_their_numbers() -> None:
+    from sim_harness.tuning.study import INVALID
+
+    def trial(state: str, said: str = "") -> Any:
+        return SimpleNamespace(state=SimpleNamespace(name=state), user_attrs={INVALID: said} if said else {})
+
+    trials = [
+        trial("PRUNED", "/tmp/a1/candidate.yaml:7:3: corners of speed decrease"),
+        trial("COMPLETE"),
+        trial("PRUNED", "/tmp/a1/candidate.yaml:40:3: fear falls by 0.2 where risk rises"),
+        trial("PRUNED", "/tmp/b2/candidate.yaml:41:3: fear falls by 0.35 where risk rises"),
+    ]
+    assert invalid_because(trials) == [
+        {"count": 2, "first": "40:3: fear falls by 0.2 where risk rises"},
+        {"count": 1, "first": "7:3: corners of speed decrease"},
+    ]
 
 
 def test_an_invalid_candidate_is_refused_without_being_driven(tmp_path: Path) -> None:
