@@ -37,8 +37,8 @@ _MARK = re.compile(
     re.MULTILINE,
 )
 _MESSAGE = re.compile(r"\s*BO_\s+(?P<id>\d+)\s+(?P<name>\w+)\s*:")
-_SIGNAL = re.compile(r"\s*SG_\s+(?P<name>\w+)\s*(?P<multiplex>m\d+M?|M)?\s*:\s*(?P<layout>[^\s(]*)")
-_MULTIPLEX = re.compile(r"(\A\s*SG_\s+\w+\s+)(?:m\d+M?|M)(?=\s*:)")
+_SIGNAL = re.compile(r"\s*SG_\s+(?P<name>\w+)\s*(?P<multiplex>m\d*M?|M)?\s*:\s*(?P<layout>[^\s(]*)")
+_MULTIPLEX = re.compile(r"(\A\s*SG_\s+\w+\s+)(?:m\d*M?|M)(?=\s*:)")
 _LAYOUT = re.compile(r"(?P<start>\d+)\|(?P<length>\d+)@(?P<order>[01])[+-]")
 _RANGES = re.compile(r"\s*SG_MUL_VAL_\s+(?P<id>\d+)\s+(?P<name>\w+)\s+\w+\s+(?P<ranges>[^;]*)")
 _OF_SIGNAL = re.compile(r"\s*(?:VAL_|SIG_VALTYPE_)\s+(?P<id>\d+)\s+(?P<name>\w+)")
@@ -58,6 +58,7 @@ _FRAME_ATTRIBUTES = {
     "SystemSignalLongSymbol",
 }
 _SYNTAX = re.compile(r'Invalid syntax at line (\d+), column (\d+): "(.*)"', re.DOTALL)
+_NO_MESSAGE = "VECTOR__INDEPENDENT_SIG_MSG"  # holds the signals that are in no message
 _BYTE = 8
 _EXTENDED, _MOST_STANDARD = 1 << 31, 0x7FF
 
@@ -67,7 +68,7 @@ class _Signal(NamedTuple):
 
     name: str
     statement: int  # number of its statement
-    multiplex: str  # "M" selects, "m3" is in the frames whose selector is 3; "" is in all
+    multiplex: str  # "M" selects, "m3" is in the frames whose selector is 3; "" and a bare "m" are in all
     bits: Set[int]  # byte · 8 + bit; empty where the layout cannot be read
 
     @property
@@ -125,7 +126,9 @@ class Dbc:
                 else:
                     long_messages[int(found["id"])] = named["long"]
         for short, message in found_messages:
-            self._messages.setdefault(long_messages.get(message.identifier, short), []).append(message)
+            if short != _NO_MESSAGE:
+                name = long_messages.get(message.identifier, short)
+                self._messages.setdefault(name, []).append(message)
 
     @property
     def messages(self) -> Set[str]:

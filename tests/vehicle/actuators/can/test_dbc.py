@@ -141,6 +141,21 @@ def test_long_names_are_the_names_of_messages_and_signals(tmp_path):
     assert (message.name, message.signals[0].name) == ("SpeedOfTheCar", "SpeedOfTheFrontAxle")
 
 
+def test_a_selector_without_its_capital_is_a_signal_and_the_signals_of_no_message_make_none(tmp_path):
+    """As in vw_pq.dbc and FORD_CADS.dbc of opendbc."""
+    dbc = tmp_path / "odd.dbc"
+    dbc.write_text(
+        'BO_ 1073741824 VECTOR__INDEPENDENT_SIG_MSG: 0 X\n SG_ LOST : 0|8@1+ (1,0) [0|0] "" X\n\n'
+        'BO_ 5 PARTS: 8 X\n SG_ CODE m : 6|2@1+ (1,0) [0|3] "" X\n SG_ GEAR m2 : 0|6@1+ (1,0) [0|63] "" X\n'
+    )
+    read = Dbc(dbc)
+    assert (set(read.messages), read.signals("PARTS")) == ({"PARTS"}, ["CODE", "GEAR"])
+    (code,) = read.message("PARTS", {"CODE"}).signals
+    assert (code.start, code.length) == (6, 2)
+    with pytest.raises(InputError, match=r"odd\.dbc:6:1: signal GEAR .* is multiplexed by 0 selectors"):
+        read.selector("PARTS", {"GEAR"})
+
+
 def facts(message):
     signals = sorted(message.signals, key=lambda signal: signal.name)
     layout = [(s.name, s.start, s.length, s.byte_order, s.is_signed, s.is_float) for s in signals]
