@@ -52,6 +52,11 @@ BENCHMARKS = {
         "recordings: random moments explained, opening of half an hour, what a crash leaves, replay",
         pictured=False,
     ),
+    "dbc": Benchmark(
+        "foreign.dbc",
+        "DBC files of opendbc that load, and messages that differ from cantools",
+        pictured=False,
+    ),
     "newcomer": Benchmark("newcomer", "clone, make drive: time until the car drives, disk space"),
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),
