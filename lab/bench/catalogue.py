@@ -57,6 +57,11 @@ BENCHMARKS = {
         "DBC files of opendbc that load, and messages that differ from cantools",
         pictured=False,
     ),
+    "opendrive": Benchmark(
+        "foreign.opendrive",
+        "lanes of OpenDRIVE files of other tools that are imported, and those within 2 cm of an evaluation",
+        pictured=False,
+    ),
     "newcomer": Benchmark("newcomer", "clone, make drive: time until the car drives, disk space"),
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),

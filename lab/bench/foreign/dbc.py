@@ -21,8 +21,9 @@ def bench_dbc() -> dict[str, Any]:
     """Files and messages of opendbc that load, and those that differ. Raises InputError without opendbc.
 
     A file is usable with one message that loads, because a map of signals needs some messages only, and whole
-    when all signals of all messages load. Files without messages hold comments and values for others. A message differs when a signal of it has other bits, another sign or another
-    factor than cantools reads in the whole file, which it reads without its checks (``strict=False``).
+    when all signals of all messages load. Files without messages hold comments and values for others. A message
+    differs when a signal of it has other bits, another sign or another factor than cantools reads in the whole
+    file, which it reads without its checks (``strict=False``).
     """
     found = importlib.util.find_spec("opendbc")
     if found is None or found.origin is None:
