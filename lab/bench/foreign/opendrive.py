@@ -78,7 +78,7 @@ def _generated(folder: Path, seed: int) -> Iterator[tuple[str, Path]]:
         subprocess.run(
             [program, *form, *options, "--output-file", str(folder / "net.xml")],
             check=True,
-            stdout=subprocess.DEVNULL,
+            capture_output=True,
         )
         yield f"SUMO {name}", path
 
