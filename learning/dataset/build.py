@@ -41,9 +41,10 @@ from learning.dataset.sources.log import Faults, Log, SteeringUnit, licence_besi
 from learning.dataset.sources.recording import SUFFIX, read_drive
 from learning.dataset.sources.table import TableOptions, read_table
 from learning.dataset.sources.tub import ANGLE, is_tub, read_tub
-from learning.dataset.split import divided, stretches
+from learning.dataset.split import divided, stretches, too_short
 from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
 from trepid.config import InputError
+from trepid.loudness import warn
 from trepid.types import Floats, Image
 
 UNREADABLE, NO_LABEL, OTHER_SIZE = "image cannot be read", "no steering", "other size of image"
@@ -134,9 +135,16 @@ def build(
         "yaw_rate_radps": np.concatenate([log.yaw_rate_radps for log in logs]),
     }
     unusable = cleaned(as_rows(columns), options.leave_out)
-    split, why = divided(options.split, t_s, route, unusable, look)
+    if short := too_short(options.split, t_s, route, unusable):
+        warn(
+            f"trepid: {short}; all frames are in the split {SPLITS[0]}, and nothing is left to judge a network by"
+        )
+        split, why = np.where(unusable == "", SPLITS[0], NONE), unusable
+    else:
+        split, why = divided(options.split, t_s, route, unusable, look)
     rows = as_rows(columns | {"split": split, "why": why})
-    _check_splits(options.split, rows)
+    if not short:
+        _check_splits(options.split, rows)
     file = DatasetFile(
         version=VERSION,
         sources=tuple(_source(log) for log in logs),

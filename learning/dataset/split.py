@@ -44,6 +44,20 @@ def stretches(t_s: Column, route: NDArray[np.str_]) -> NDArray[np.int32]:
     return np.concatenate([[0], np.cumsum(pause)]).astype(np.int32)
 
 
+def too_short(split: Split, t_s: Column, route: NDArray[np.str_], why: NDArray[np.str_]) -> str:
+    """In words, that no route lasts as long as the gaps of a division by time; empty where one does."""
+    if split.by != "time":
+        return ""
+    gaps_s = split.gap_s * (sum(share > 0 for share in split.shares.values()) - 1)
+    usable = why == ""
+    lasts_s = max(
+        (np.ptp(t_s[usable & (route == name)]) for name in np.unique(route[usable])), default=math.inf
+    )
+    if lasts_s >= gaps_s:
+        return ""
+    return f"a drive of {lasts_s:.2g} s is too short for gaps of {split.gap_s:g} s between splits (--gap-s)"
+
+
 def divided(
     split: Split, t_s: Column, route: NDArray[np.str_], why: NDArray[np.str_], look: ImageMeasurements
 ) -> tuple[NDArray[np.str_], NDArray[np.str_]]:

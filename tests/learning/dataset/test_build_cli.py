@@ -42,6 +42,16 @@ def test_strict_refuses_the_first_image_that_cannot_be_read(
     assert not (tmp_path / "set").exists()
 
 
+def test_a_drive_too_short_for_a_split_is_a_data_set_without_one_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", 40))
+    assert set(made.rows()["split"]) == {"train"}
+    assert "too short for gaps of 2 s between splits (--gap-s); all frames are in" in capsys.readouterr().err
+    divided = made_dataset(tmp_path / "other", tmp_path / "tub", options=("--gap-s", "0.2"))
+    assert {"train", "validation", "test"} <= set(divided.rows()["split"])
+
+
 def test_an_image_of_another_size_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tub = write_tub(tmp_path / "tub")
     cv2.imwrite(str(tub / "images" / "5_cam_image_array_.jpg"), np.full((20, 30, 3), 90, np.uint8))
