@@ -298,6 +298,8 @@ def read_text(path: Path, *, windows: bool = False, broken_bytes: bool = False) 
 _YAML_IN_WORDS = {
     "'\\t'": "a tab; indent by spaces",
     "expected <block end>": "wrong indentation; entries of one list or block begin in the same column",
+    "expected escape sequence": "a backslash in double quotes, as in paths of Windows: write '...' or C:/...",
+    "found unknown escape": "a backslash in double quotes, as in paths of Windows: write '...' or C:/...",
     "mapping values are not allowed": "wrong indentation, or a text with a colon that needs quotes",
 }
 """Part of a message of the YAML reader -> what to mend."""

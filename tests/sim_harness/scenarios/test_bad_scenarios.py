@@ -31,6 +31,10 @@ BAD = {
     "list": ("- a\n", ":1:1: expected a mapping"),
     "number": ("3\n", ":1:1: expected a mapping"),
     # No YAML.
+    "path of Windows": (
+        GOOD + 'start: "C:\\Users\\a"\n',
+        ":5:13: not valid YAML: a backslash in double quotes",
+    ),
     "tab": (GOOD + "start:\n\toffset_m: 1\n", ":6:1: not valid YAML: a tab; indent by spaces"),
     "unclosed brace": (GOOD + "start: {offset_m: 1\n", ":6:1: not valid YAML: "),
     "unclosed quote": (GOOD + 'name: "abc\n', ":6:1: not valid YAML: "),
