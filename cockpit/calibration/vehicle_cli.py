@@ -64,7 +64,7 @@ def steer(
         typer.echo(json.dumps(angles))
         return
     for name, number in angles.items():
-        typer.echo(f"{name:32} {number:+.6f}")
+        typer.echo(f"{name:32} {number:+z.6f}")
 
 
 @app.command()
@@ -115,7 +115,9 @@ def identify(
         print(json.dumps({"parameters": values, "excitation": excitation, "refused": refused}))
     else:
         for name, p in found.items():
-            print(f"{name:34} {p.value:+.5f}   95 %: {p.ci95[0]:+.5f} to {p.ci95[1]:+.5f}   {_readable(p)}")
+            print(
+                f"{name:34} {p.value:+z.5f}   95 %: {p.ci95[0]:+z.5f} to {p.ci95[1]:+z.5f}   {_readable(p)}"
+            )
         for name, amount in excitation.items():
             print(f"excited: {name:38} {amount:.4g}")
     for name, reason in refused.items():

@@ -61,7 +61,7 @@ def judged_clock(source: str, step_s: float, epoch_s: float, synchronised: bool 
         return Finding(
             "clock",
             False,
-            f"the wall clock stepped by {1e3 * step_s:+.1f} ms within {STEP_CHECK_S} s",
+            f"the wall clock stepped by {1e3 * step_s:+z.1f} ms within {STEP_CHECK_S} s",
             "let chrony or systemd-timesyncd finish before the drive, or slew instead of step",
         )
     if epoch_s < EARLIEST_EPOCH_S:

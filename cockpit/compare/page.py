@@ -120,4 +120,4 @@ def value_text(value: Any) -> str:
 def change_text(a: Any, b: Any) -> str:
     """B - A of two numbers as text; "" for anything else."""
     numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (a, b))
-    return f"{b - a:+.4g}" if numbers else ""
+    return f"{b - a:+z.4g}" if numbers else ""

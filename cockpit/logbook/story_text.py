@@ -192,8 +192,8 @@ def _estimates(story: Story) -> Iterator[str]:
             what = "no lane"
         else:
             what = (
-                f"{estimate['lateral_offset_m']:+.2f} m, {estimate['heading_error_rad']:+.3f} rad,"
-                f" {estimate['curvature_1pm']:+.4f} 1/m"
+                f"{estimate['lateral_offset_m']:+z.2f} m, {estimate['heading_error_rad']:+z.3f} rad,"
+                f" {estimate['curvature_1pm']:+z.4f} 1/m"
             )
         reason = f" ({estimate['reason']})" if estimate["reason"] else ""
         yield (
@@ -238,7 +238,7 @@ def _by_controller(story: Story) -> Iterator[str]:
     elif bend_1pm > 0.0:
         accel = story["commanded_accel_mps2"]
         commanded = (
-            "" if accel is None else f", which commanded {accel:+.1f} m/s² at {story['moment_s']:.2f} s"
+            "" if accel is None else f", which commanded {accel:+z.1f} m/s² at {story['moment_s']:.2f} s"
         )
         path = f"a bend of {1 / bend_1pm:.0f} m radius" if bend_1pm > 1e-3 else "a straight path"
         yield f"Reason: the controller{commanded}; the path ahead was {path}."

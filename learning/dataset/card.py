@@ -261,7 +261,7 @@ def as_text(card: dict[str, Any]) -> list[str]:
         lines.append(f"delay       not measurable by the {delay['by']}")
     else:
         lines.append(
-            f"delay       {delay['by']} {delay['delay_s']:+.2f} s after the label (r = {delay['correlation']:.2f})"
+            f"delay       {delay['by']} {delay['delay_s']:+z.2f} s after the label (r = {delay['correlation']:.2f})"
         )
     lines.append(f"suspicious  {card['suspicious']['frames']} labels")
     for piece in card["suspicious"]["pieces"][:NAMED]:
@@ -273,7 +273,7 @@ def as_text(card: dict[str, Any]) -> list[str]:
 def _bars(angle: dict[str, Any]) -> list[str]:
     most = max(angle["counts"])
     lines = [
-        f"angle       {angle['mean_deg']:+.2f}° ± {angle['std_deg']:.2f}°, largest {angle['largest_deg']:.1f}°;"
+        f"angle       {angle['mean_deg']:+z.2f}° ± {angle['std_deg']:.2f}°, largest {angle['largest_deg']:.1f}°;"
         f" straight {100 * angle['straight_share']:.0f} %, exactly zero {100 * angle['zero_share']:.0f} %,"
         f" sharp {100 * angle['sharp_share']:.0f} %"
     ]

@@ -68,4 +68,4 @@ def contact_sheet(dataset: Dataset) -> tuple[Image, list[str]]:
         for line, column in wanted[number]:
             y, x = line * TILE_PX[1], column * TILE_PX[0]
             sheet[y : y + size[1], x : x + size[0]] = small
-    return sheet, [f"{a:+.0f}° to {b:+.0f}°" for a, b in pairwise(edges)]
+    return sheet, [f"{a:+z.0f}° to {b:+z.0f}°" for a, b in pairwise(edges)]

@@ -112,7 +112,7 @@ def cells(row: dict[str, Any]) -> list[str]:
         number(row["mae_deg"]),
         "-" if interval is None else f"{interval[0]:.2f} to {interval[1]:.2f}",
         number(row["rmse_deg"]),
-        number(row["mean_error_deg"], "{:+.2f}"),
+        number(row["mean_error_deg"], "{:+z.2f}"),
         number(row["r2"]),
         number(row["slope"]),
         number(row.get("uncertainty", {}).get("coverage_90"), "{:.0%}"),

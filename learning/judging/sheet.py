@@ -84,7 +84,7 @@ def write_sheet(
         error_deg = predicted_deg[number] - true_deg[number]
         lines = [
             f"{str(row['route'])[-30:]} frame {row['frame']}",
-            f"recorded {true_deg[number]:+.1f}, predicted {predicted_deg[number]:+.1f}: {error_deg:+.1f} deg",
+            f"recorded {true_deg[number]:+z.1f}, predicted {predicted_deg[number]:+z.1f}: {error_deg:+z.1f} deg",
         ]
         angles = float(row["road_wheel_rad"]), float(predicted_rad[number])
         one = tile(image, lines, *angles)

@@ -150,8 +150,8 @@ def _one_line(row: dict[str, Any]) -> str:
     share = row["autonomy_percent"]
     autonomy = "none" if share is None else f"{share:.1f} %"
     return (
-        f"{row['clip']} from {row['start_offset_m']:+.2f} m {math.degrees(row['start_heading_rad']):+.1f}°:"
-        f" {row['duration_s']:.1f} s, back {returned}, end at {row['end_offset_m']:+.2f} m from the recorded path,"
+        f"{row['clip']} from {row['start_offset_m']:+z.2f} m {math.degrees(row['start_heading_rad']):+z.1f}°:"
+        f" {row['duration_s']:.1f} s, back {returned}, end at {row['end_offset_m']:+z.2f} m from the recorded path,"
         f" engaged {row['engaged_percent']:.0f} %, {row['interventions']} interventions, autonomy {autonomy},"
         f" fear {row['mean_fear']:.2f} (at most {row['max_fear']:.2f}),"
         f" lane found {row['lane_seen_percent']:.0f} %, unrecorded pixels {row['mean_unseen_percent']:.1f} %"

@@ -74,3 +74,7 @@ def test_the_margins_are_drawn(tmp_path):
     path = tmp_path / "margins.png"
     assert CliRunner().invoke(app, ["margins", "--picture", str(path)]).exit_code == 0
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_no_number_is_a_negative_zero():
+    assert "-0.000000" not in steer("--curvature", "-0.0", "--speed", "5").output
