@@ -34,10 +34,9 @@ from pydantic import Field
 from controller.laws.lateral import LateralSettings, build_law
 from controller.laws.law import Acting
 from controller.model.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
-from controller.prediction import Predictor
-from controller.reckoned_speed import ReckonedSpeed
-from controller.speed.control import STRONGEST_MPS2, SpeedControl
-from controller.speed.limits import SpeedSettings, target
+from controller.prediction import Predictor, ReckonedSpeed
+from controller.speed_control import STRONGEST_MPS2, SpeedControl
+from controller.speed_limits import SpeedSettings, target
 from controller.steering_learner import LearningSettings, SteeringLearner
 from trepid.bounds import at_least, at_most, within
 from trepid.car.vehicle import Vehicle

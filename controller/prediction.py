@@ -1,20 +1,21 @@
-"""Prediction of car and lane to the moment at which a steering command given now begins to act.
+"""The state to steer with: car and lane at the moment at which a steering command given now begins to act.
 
 The path is as old as its frame, and a command acts only after the dead time of the steering. Both times are known,
 and the lane is moved over them: from the capture of the frame to the last vehicle state by measured speed and yaw
 rate, from there to now + dead time by the commands already given, through the models of steering
-(`controller.model.lag`) and tyres (`controller.model.tyres`). The drift is computed from the measured yaw rate.
+and tyres (`controller.model.tyres`). The drift is computed from the measured yaw rate.
 
 The feedback then controls a plant without dead time (Smith predictor; Åström & Hägglund, Advanced PID Control
 (2006), section 8.4).
+
+While the measured speed is doubted, :class:`ReckonedSpeed` takes its place.
 """
 
 import math
 from collections import deque
 
 from controller.laws.law import Acting
-from controller.model.lag import wheel_after
-from controller.model.tyres import Turning, Tyres
+from controller.model.tyres import Turning, Tyres, wheel_after
 from controller.steering_timing import SteeringTiming
 from trepid.bounds import at_least, at_most
 from trepid.car.vehicle import Vehicle
@@ -136,3 +137,24 @@ class Predictor:
                 from_s = until_s
             demand_rad = next_rad
         return Lane(*moved), wheel_rad, turning
+
+
+class ReckonedSpeed:
+    """v' = min(a, 0) from the last measurement on, a the demand behind the lag of the drive; never below 0."""
+
+    def __init__(self, drive_lag_s: float) -> None:
+        self._lag_s = drive_lag_s
+        self._accel_mps2 = 0.0
+        self._speed_mps: float | None = None  # None before the first measurement
+        self.demand_mps2 = 0.0
+        """The last demand of acceleration, to be set after every step."""
+
+    def step(self, measured_mps: float | None, dt_s: float) -> float | None:
+        """The measured speed, or what is left of the last one ``dt_s`` after the last step; None without any."""
+        if dt_s > 0.0:
+            self._accel_mps2 += dt_s / (self._lag_s + dt_s) * (self.demand_mps2 - self._accel_mps2)
+        if measured_mps is not None:
+            self._speed_mps = measured_mps
+        elif self._speed_mps is not None:
+            self._speed_mps = at_least(self._speed_mps + at_most(self._accel_mps2, 0.0) * dt_s, 0.0)
+        return self._speed_mps

@@ -16,7 +16,7 @@ Ljung, System Identification (1999), sections 4.2 (linear regression) and 11.2 (
 import math
 from collections import deque
 
-from controller.model.lag import wheel_after
+from controller.model.tyres import wheel_after
 from trepid.bounds import at_least, at_most, within
 from trepid.car.vehicle import Vehicle
 from trepid.messages import VehicleState

@@ -19,13 +19,12 @@ from supervisor.modes.waits import Bounds, Halt, StartSituation, obstacle, waits
 from supervisor.path.follow import FollowSettings
 from supervisor.path.fusion import FusionSettings, Path
 from supervisor.path.giving_way import CLEAR, GivingWaySettings
-from supervisor.path.hand_over import HandOver
 from supervisor.path.sight_speed import SightSettings
+from supervisor.path.trail import HandOver
 from supervisor.rules.inference import CALM, FearResult, FearRules
 from supervisor.rules.verify import load_verified
-from supervisor.situation.added import wrong_ranges
+from supervisor.situation.added import RATED_AS, near_miss, unrated_names, wrong_ranges
 from supervisor.situation.features import unknown_features
-from supervisor.situation.ratings import RATED_AS, near_miss, unrated_names
 from supervisor.situation.world_state import WorldState, WorldStateObserver
 from trepid.bounds import at_most
 from trepid.car.vehicle import Vehicle

@@ -12,6 +12,8 @@ from rule_rig import FALLING, RISING, small_rules
 
 from cockpit.calibration.drive_log import read_log as read_identification_log
 from cockpit.compare.runs import read_runs
+from cockpit.rulebook.fcl_export import fcl
+from cockpit.rulebook.fcl_read import parse_fcl
 from learning.dataset.build import read_log
 from learning.dataset.sources.log import Faults
 from learning.dataset.sources.table import TableOptions
@@ -21,8 +23,6 @@ from sim_harness.tuning.numbers import NumberedText
 from sim_harness.world.opendrive.export import write_opendrive
 from sim_harness.world.opendrive.reader import read_opendrive
 from sim_harness.world.road_file import load_road
-from supervisor.rules.fcl.export import fcl
-from supervisor.rules.fcl.read import parse_fcl
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import RuleFile
 from trepid.car.camera import Camera

@@ -13,10 +13,10 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
 from cockpit.rulebook.explanation import check_name, explanation
+from cockpit.rulebook.fcl_export import fcl
+from cockpit.rulebook.fcl_read import parse_fcl
 from cockpit.rulebook.figure import sets_figure, surface_figure
 from cockpit.rulebook.show import show_rules, show_surface
-from supervisor.rules.fcl.export import fcl
-from supervisor.rules.fcl.read import parse_fcl
 from supervisor.rules.inference import FearRules
 from supervisor.rules.proofs import calmest
 from supervisor.rules.rule_file import RuleFile, rule_schema

@@ -39,8 +39,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from controller.limiter.inputs import Arrivals, SeenState, fresh, is_finite, plausible_state
-from controller.limiter.interval import Interval, clip, inside, narrow
-from controller.limiter.limits import Limits
+from controller.limiter.limits import Interval, Limits, clip, inside, narrow
 from controller.limiter.override import DriverWatch
 from controller.limiter.saturation import SaturationWatch
 from controller.limiter.turn import Excess, SteadyTurn

@@ -22,8 +22,7 @@ so that e has the sign opposite to the motion of the wheel: it narrows the limit
 from math import atan, sqrt
 
 from controller.limiter.inputs import SeenState
-from controller.limiter.interval import clip
-from controller.limiter.limits import Limits
+from controller.limiter.limits import Limits, clip
 from trepid.car.vehicle import Vehicle
 
 STABLE = 0.95

@@ -1,4 +1,4 @@
-"""Response of the tyres to the wheel angle: drift of the rear axle, and lag from wheel angle to path.
+"""First-order lags, and the response of the tyres to the wheel angle: drift of the rear axle, lag to the path.
 
 Tyres carry an axle round a bend only at a slip angle. That of the rear axle turns the car's nose into the bend, so
 the rear axle moves along its *course*, heading + β, and not along its heading. For an axle of mass m and cornering
@@ -22,9 +22,20 @@ import math
 from typing import NamedTuple
 
 from controller.model.bicycle import curvature_from_angle
-from controller.model.lag import remaining_share
 from trepid.bounds import at_least, within
 from trepid.car.vehicle import Vehicle
+
+
+def remaining_share(dt_s: float, lag_s: float) -> float:
+    """Share e^(-dt/τ) of a difference that is left after ``dt_s``; 0 without lag."""
+    return math.exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0
+
+
+def wheel_after(wheel_rad: float, demand_rad: float, dt_s: float, vehicle: Vehicle) -> float:
+    """Road-wheel angle [rad] after ``dt_s`` of a constant demand: δ' = (δ_cmd - δ)/τ, |δ'| ≤ rate limit."""
+    share = 1.0 - remaining_share(dt_s, vehicle.steering_lag_s)
+    return wheel_rad + within((demand_rad - wheel_rad) * share, vehicle.max_road_wheel_rate_radps * dt_s)
+
 
 _MAX_DIRECTION_RAD = 1.4  # of the front axle, below 90°
 _CRAWL_MPS = 0.5  # below it the tyres follow without lag

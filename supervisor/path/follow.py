@@ -9,9 +9,8 @@ from pydantic import Field
 from supervisor.inputs.timers import HoldTimer
 from supervisor.inputs.validation import ValidationSettings, within
 from supervisor.path.fusion import Path
-from supervisor.path.hand_over import LEAD
 from supervisor.path.sight_speed import StoppingWay
-from supervisor.path.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2
+from supervisor.path.trail import LEAD, Trail, TrailSettings, fit, max_curvature_rate_1pm2
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import STANDING, Lane, Motion
 from trepid.config import Settings

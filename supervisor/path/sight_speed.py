@@ -5,7 +5,7 @@ From the speed v, a stop with the deceleration b that begins after the reaction 
     d(v) = v·t + v²/(2·b)        t = delay + drive lag + b₀/(2·j)        b = b₀ - b_slope
 
 where b₀ is the demanded deceleration, j the jerk at which the demand grows to it, as in
-``controller.speed.limits``, and b_slope what a slope downhill takes before the controller compensates it. The free
+``controller.speed_limits``, and b_slope what a slope downhill takes before the controller compensates it. The free
 way is the sight from the rear axle, less a multiple of its deviation, the front of the car, the way driven since
 the frame, and a margin:
 

@@ -1,6 +1,6 @@
-"""Inputs of the fear rules that other packages add, by entry points of the group ``trepid.fear_inputs``.
+"""Inputs of the fear rules beside those of every car: of each estimator by its name, and those of other packages.
 
-Such an input is a function of the validated inputs of one moment, with the range of its values::
+Other packages add inputs by entry points of the group ``trepid.fear_inputs``. Such an input is a function of the validated inputs of one moment, with the range of its values::
 
     @fear_input(low=0.0, high=1.0)
     def glare(moment: Moment) -> float | None:
@@ -10,6 +10,9 @@ A rule file names it under ``inputs`` with its sets and the direction of its ris
 proofs of the rule file hold for all values in its range, so for all values of the function. A value outside the
 range of the function, NaN, None, or an error in the function is a missing value: fear is 1. The place of an error
 is printed once.
+
+A rule file names estimators in inputs such as ``cv_confidence`` and in outputs such as ``trust_cv``. An estimator
+that it does not name is rated by the name that ``rated_as`` in ``config/supervisor.yaml`` gives to it or its kind.
 """
 
 import math
@@ -20,12 +23,14 @@ from typing import Any, NamedTuple
 
 from supervisor.inputs.validation import ValidatedEstimate
 from supervisor.path.follow import Lead
-from supervisor.rules.rule_file import Input
+from supervisor.rules.inference import FearRules
+from supervisor.rules.rule_file import FORMER_PATH_JITTER, Input
 from trepid.clothoid import Motion
 from trepid.config import InputError
 from trepid.loudness import warn
-from trepid.messages import ImageStatistics
+from trepid.messages import EstimateKind, ImageStatistics
 from trepid.plugins import Group, added_entry_points, part
+from trepid.spelling import did_you_mean
 
 
 class Moment(NamedTuple):
@@ -111,3 +116,60 @@ def _function(name: str) -> FearInput:
             f"{Group.FEAR_INPUTS} {name!r}: is no fear input; decorate the function with fear_input"
         )
     return found
+
+
+CONFIDENCE, JITTER, PATH_JITTER, SUPPORT = "_confidence", "_jitter", "_path_jitter", "_support"
+ESTIMATOR_SUFFIXES = (CONFIDENCE, PATH_JITTER, FORMER_PATH_JITTER, JITTER, SUPPORT)  # longer endings first
+RATED_AS: Mapping[str, str] = {EstimateKind.LANE.value: "cv", EstimateKind.ANGLE.value: "angle"}
+
+
+def rating_names(
+    estimates: Iterable[ValidatedEstimate], rules: FearRules, rated_as: Mapping[str, str]
+) -> dict[str, str]:
+    """The name in ``rules`` that rates each estimator."""
+    named = _named_estimators(rules.names, rules.file.estimators)
+    return {
+        e.estimator: e.estimator
+        if e.estimator in named
+        else rated_as.get(e.estimator) or rated_as.get(e.kind, e.estimator)
+        for e in estimates
+    }
+
+
+def unrated_names(rules: FearRules, rated_as: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Key and error text of every name in ``rated_as`` that ``rules`` do not rate, where they name any."""
+    named = _named_estimators(rules.names, rules.file.estimators)
+    known = named.union(RATED_AS.values())
+    for key, name in rated_as.items():
+        if named and name not in known:
+            yield key, f"no rule rates {name!r}; {did_you_mean(name, known)}"
+
+
+def near_miss(rules: FearRules, name: str) -> str:
+    """A question with the known estimator or kind that ``name`` nearly is; "" where it is one, or near none.
+
+    Estimators may have further names, so that a near miss is no error.
+    """
+    known = _named_estimators(rules.names, rules.file.estimators).union(RATED_AS, RATED_AS.values())
+    return "" if name in known else did_you_mean(name, known, otherwise="", cutoff=0.75)
+
+
+def absent_values(rules: FearRules, estimators: int) -> dict[str, float | None]:
+    """Values of the estimator inputs of ``rules`` where no estimator runs that they rate.
+
+    With one estimator alone they are 0: no confidence, because nothing confirms it. With two or more they are calm,
+    except support: what does not run supports no other estimator.
+    """
+    alone = estimators < 2
+    return {
+        name: 0.0 if alone or name.endswith(SUPPORT) else rules.inputs[name].calmest
+        for name in rules.names
+        if name.endswith(ESTIMATOR_SUFFIXES)
+    }
+
+
+@lru_cache(maxsize=16)
+def _named_estimators(inputs: tuple[str, ...], trusted: tuple[str, ...]) -> frozenset[str]:
+    """The estimators that a rule file names."""
+    suffixes = {name: next(filter(name.endswith, ESTIMATOR_SUFFIXES), None) for name in inputs}
+    return frozenset(name.removesuffix(s) for name, s in suffixes.items() if s).union(trusted)

@@ -15,8 +15,14 @@ from supervisor.path.follow import Lead
 from supervisor.path.fusion import FusionResult
 from supervisor.path.giving_way import Way
 from supervisor.rules.rule_file import FORMER_PATH_JITTER
-from supervisor.situation.added import added_names
-from supervisor.situation.ratings import CONFIDENCE, ESTIMATOR_SUFFIXES, JITTER, PATH_JITTER, SUPPORT
+from supervisor.situation.added import (
+    CONFIDENCE,
+    ESTIMATOR_SUFFIXES,
+    JITTER,
+    PATH_JITTER,
+    SUPPORT,
+    added_names,
+)
 from trepid.bounds import at_least, at_most
 from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics

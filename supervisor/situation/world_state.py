@@ -22,9 +22,8 @@ from supervisor.path.fusion import Fusion, FusionResult, FusionSettings, Path
 from supervisor.path.giving_way import GivingWay, GivingWaySettings, Way
 from supervisor.path.sight_speed import ReliableSight, SightSettings, SightSpeed
 from supervisor.rules.inference import FearRules
-from supervisor.situation.added import Moment, added_values
+from supervisor.situation.added import RATED_AS, Moment, absent_values, added_values, rating_names
 from supervisor.situation.features import BEYOND, DOUBT, Features, early_features, features
-from supervisor.situation.ratings import RATED_AS, absent_values, rating_names
 from trepid.bounds import at_least
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Motion

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from controller.controller import ControllerSettings
-from controller.speed.control import SpeedControl
+from controller.speed_control import SpeedControl
 from lab.bench.control.contestants import nominal, shipped
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import load_scenario

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lab.bench.follow.cases import Kind, case
 from sim_harness.lockstep.closed_loop import Instant, run
-from supervisor.path.hand_over import LEAD
+from supervisor.path.trail import LEAD
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Mode

@@ -13,7 +13,7 @@ from message_rig import SHUTTLE, command, vehicle
 
 import controller.limiter
 from controller.limiter.inputs import COUNTED, Arrivals, fresh, is_finite, plausible_state
-from controller.limiter.interval import clip, inside, narrow
+from controller.limiter.limits import clip, inside, narrow
 from controller.limiter.override import DriverWatch
 from controller.limiter.saturation import SaturationWatch
 from controller.limiter.turn import FILTER_S, LEAD_S, SLOPE, Excess, SteadyTurn

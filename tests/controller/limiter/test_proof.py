@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfilt
 from scipy.sparse import diags_array, vstack
 
 import controller.limiter.limiter
-from controller.limiter.interval import narrow
+from controller.limiter.limits import narrow
 
 CALLS, PARTS = 10_000_000, 50
 CARS = (

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from controller.speed.control import SpeedControl
-from controller.speed.limits import SpeedSettings, Target
+from controller.speed_control import SpeedControl
+from controller.speed_limits import SpeedSettings, Target
 from supervisor.path.sight_speed import CALM, SightSettings, SightSpeed, StoppingWay
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.reckoned_speed import ReckonedSpeed
+from controller.prediction import ReckonedSpeed
 
 
 def test_without_any_measurement_there_is_no_speed():

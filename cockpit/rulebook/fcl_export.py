@@ -2,7 +2,7 @@
 
 FCL has words for the sets, the rules and Mamdani's method, which another tool computes. Direction of risk, causes
 and actions have no word in FCL; they stand in the OPTION block, which the standard leaves to each vendor.
-``docs/fear.md`` lists the mapping; :mod:`supervisor.rules.fcl.read` reads it back.
+``docs/fear.md`` lists the mapping; :mod:`cockpit.rulebook.fcl_read` reads it back.
 """
 
 import re

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from controller.speed.control import LoadObserver, SpeedControl
-from controller.speed.limits import SpeedSettings, Target, target
+from controller.speed_control import LoadObserver, SpeedControl
+from controller.speed_limits import SpeedSettings, Target, target
 from trepid.clothoid import Lane
 from trepid.messages import Stop
 

@@ -36,8 +36,8 @@ section 4.1 (longitudinal forces).
 
 import math
 
-from controller.model.lag import remaining_share
-from controller.speed.limits import SpeedSettings, Target
+from controller.model.tyres import remaining_share
+from controller.speed_limits import SpeedSettings, Target
 from trepid.bounds import at_least, at_most, within
 from trepid.messages import Stop
 

@@ -1,4 +1,4 @@
-"""Rule files from IEC 61131-7 Fuzzy Control Language, in the subset that :mod:`supervisor.rules.fcl.export` writes.
+"""Rule files from IEC 61131-7 Fuzzy Control Language, in the subset that :mod:`cockpit.rulebook.fcl_export` writes.
 
 One function block; inputs with the five terms as points of degree 0 or 1; outputs fear and trust_NAME with
 triangles, or singletons, of which each reaches down to its neighbours; MIN, MAX, COG, or COGS for singletons, whose
@@ -14,8 +14,8 @@ from typing import Any
 from lark import Token, Tree
 from pydantic import ValidationError
 
-from supervisor.rules.fcl.export import FCL_WORDS, points
-from supervisor.rules.fcl.grammar import Source, hint
+from cockpit.rulebook.fcl_export import FCL_WORDS, points
+from cockpit.rulebook.fcl_grammar import Source, hint
 from supervisor.rules.inference import DISTRUST_AT
 from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, RuleFile, level_sets
 from supervisor.rules.sentence import SentenceError, parse_rule

@@ -11,8 +11,8 @@ from rule_rig import FALLING, RISING, small_rules
 from typer.testing import CliRunner
 
 from cockpit.rulebook.cli import app
-from supervisor.rules.fcl.export import fcl
-from supervisor.rules.fcl.read import parse_fcl
+from cockpit.rulebook.fcl_export import fcl
+from cockpit.rulebook.fcl_read import parse_fcl
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import RuleFile
 from supervisor.rules.sentence import parse_rule
