@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from drive.choice import course_for
 from drive.launcher import drive as drive_course
+from drive.open_road import course_for
 from drive.plan import has_simulator
 from trepid.config import CONFIG_DIR, load, refuse, using_car
 from trepid.processes.drive_settings import DriveSettings

@@ -118,8 +118,8 @@ def _drive(
     raw_images: bool,
 ) -> dict[str, Any]:
     """The row of the drive. ``life`` prints a line after SIGN_OF_LIFE_S; the first line of the drive cancels it."""
-    from drive.choice import course_for
     from drive.launcher import drive as drive_course
+    from drive.open_road import course_for
     from drive.plan import has_simulator
     from trepid.processes.drive_settings import DriveSettings
     from trepid.processes.page_door import foxglove_port

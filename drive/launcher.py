@@ -35,7 +35,7 @@ from trepid.recording.ring import ring_name
 from trepid.recording.writer import check_recording
 from trepid.security import LAUNCHER, session_settings
 from trepid.topics import DIAGNOSTICS
-from vehicle.keys.check import check_keys
+from vehicle.keys_check import check_keys
 
 RECORDER_READY_S = (
     5.0  # longest wait for the recorder; a drive without its first steps is recorded all the same

@@ -6,9 +6,8 @@ from typing import Any
 from drive.course import Course
 from drive.evaluation import evaluate
 from drive.log import DriveLog
-from drive.losses import LossReport
+from drive.losses import LossReport, Silence
 from drive.overview import Overview
-from drive.silence import Silence
 from trepid.bus import Bus
 from trepid.clock import Clock
 from trepid.config import InputError

@@ -4,8 +4,8 @@ from trepid.packages import Offers, Verb
 
 OFFERS = Offers(
     verbs={
-        "ros": Verb("vehicle.ros.cli", "app", "The messages as a ROS 2 package."),
-        "keys": Verb("vehicle.keys.cli", "app", "Certificates of the processes of a car."),
+        "ros": Verb("vehicle.ros.package", "app", "The messages as a ROS 2 package."),
+        "keys": Verb("vehicle.keys_cli", "app", "Certificates of the processes of a car."),
     },
     examples={
         "ros package": "trepid ros package ~/ros2_ws/src",

@@ -20,9 +20,9 @@ from cockpit.calibration.winding_drive import Driven, camera_by_driving, recorde
 from perception.images.sources import Clip, Still, sources
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.images.mount import Mount
 from trepid.options import Car
 from trepid.types import Image
+from vehicle.cameras.working import Mount
 
 MIN_SPEED_MPS = 1.0
 MIN_WIDTH_PX, MAX_WIDTH_PX = 64, 8192

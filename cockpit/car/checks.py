@@ -180,7 +180,7 @@ def endpoint() -> Finding:
     from trepid.processes.endpoint import usable_endpoint
     from trepid.processes.settings import FILE, ProcessesFile
     from trepid.security import LAUNCHER, session_settings
-    from vehicle.keys.check import check_keys
+    from vehicle.keys_check import check_keys
 
     try:
         found = usable_endpoint()

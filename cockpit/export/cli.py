@@ -75,7 +75,7 @@ def export(
     from cockpit.export.drive import Drive
     from cockpit.export.place import new_place
     from cockpit.export.table import check_parquet
-    from trepid.recording.car import recorded_car
+    from trepid.recording.images import recorded_car
 
     kind = _format(out, to)
     if rate is not None and kind in (Format.TUB, Format.LEROBOT, Format.FOXGLOVE):

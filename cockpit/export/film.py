@@ -14,8 +14,17 @@ import numpy as np
 from cockpit.export.drive import STALE_S, Drive
 from cockpit.export.frames import rate_of
 from cockpit.page.overlay import ahead_text, corners_px, overlay
-from perception.images.annotate import HIGH, LEFT, LOW, PANEL, RIGHT, AnnotationWriter, enlarge, label
-from perception.images.fear_strip import with_decision
+from perception.images.annotate import (
+    HIGH,
+    LEFT,
+    LOW,
+    PANEL,
+    RIGHT,
+    AnnotationWriter,
+    enlarge,
+    label,
+    with_decision,
+)
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load

@@ -17,7 +17,7 @@ from cockpit.replay.tape import Tape
 from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
 from supervisor.rules.inference import FearRules
 from trepid.config import InputError, default_file
-from trepid.recording.car import recorded_car
+from trepid.recording.images import recorded_car
 from trepid.recording.notes import CRUISE, ESTIMATORS, hash_of, networks_of, number
 from trepid.spelling import did_you_mean
 from trepid.topics import (

@@ -46,7 +46,7 @@ def flooded(seed: int, *, keys: bool) -> dict[str, Any]:
         )
         attacker: dict[str, Any] = {"connect/endpoints": [endpoint]}
         if keys:
-            from vehicle.keys.certificates import create
+            from vehicle.certificates import create
 
             create(car / "keys", [LAUNCHER, OBSERVER, *(spec.name for spec in load_processes())])
             security = load_security().model_copy(update={"keys": car / "keys"})

@@ -82,7 +82,7 @@ def secured(keys: Path | None) -> Security:
 @contextmanager
 def secured_drive(folder: Path) -> Iterator[AttackedDrive]:
     """A drive with keys of its own in ``folder``."""
-    from vehicle.keys.certificates import create
+    from vehicle.certificates import create
 
     create(folder / "own", [LAUNCHER, OBSERVER, *PUBLISHES])
     create(folder / "foreign", ["controller"])

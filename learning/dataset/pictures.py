@@ -7,7 +7,7 @@ from trepid.config import InputError
 from trepid.images.files import VIDEO_SUFFIXES, read_image
 from trepid.images.video import video_frames
 from trepid.types import Image
-from vehicle.cameras.mcap_file import mcap_shots
+from vehicle.cameras.files import mcap_shots
 from vehicle.cameras.playback import UndecodedFrame
 
 RECORDING_SUFFIX = ".mcap"

@@ -35,10 +35,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from perception.sight.ground_look import Look
 from perception.sight.path import Path
 from perception.sight.settings import HiddenSettings
-from perception.sight.upright import GRAIN_PX, Edge, UprightEdges
+from perception.sight.upright import GRAIN_PX, Edge, Look, UprightEdges
 from trepid.car.camera import Camera
 from trepid.types import Array, Image
 

@@ -1,17 +1,39 @@
-"""The judge of the image: its statistics and the sight distance, one message for every frame."""
+"""The judge of the image: its statistics and the sight distance, one message for every frame.
+
+Glare is not fog. The veil of a lamp or of the sun falls off with the angle from the source (CIE 146), while the
+light of fog is that of the whole sky: in fog the sky is even, also where it is white.
+"""
 
 from dataclasses import replace
 
+import numpy as np
+
+from perception.camera.grey import small_grey
 from perception.camera.image_statistics import ImageStatistician
-from perception.sight.glare import is_glare
 from perception.sight.observer import SightObserver
-from perception.sight.settings import SightSettings
+from perception.sight.settings import GlareSettings, SightSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.causes import Cause
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, ImageStatistics, SteeringEstimate, VehicleState
 from trepid.scale import ReferenceWorld, scaled_settings
+from trepid.types import Image
+
+DARKEST = 10  # percentile of the sky: away from the source
+
+
+def is_glare(image: Image, over_exposed: float, horizon: float, settings: GlareSettings) -> bool:
+    """Whether a source of light stands in a darker sky.
+
+    ``over_exposed``: share of white pixels; ``horizon``: share of the rows of ``image`` above the horizon. False
+    where the image shows no sky.
+    """
+    if over_exposed < settings.least_source:
+        return False
+    grey = small_grey(image)
+    sky = grey[: round(min(max(horizon, 0.0), 1.0) * len(grey)) : 2, ::2]
+    return sky.size > 0 and float(np.percentile(sky, DARKEST)) < 255 * settings.darker_sky
 
 
 class ImageJudge:

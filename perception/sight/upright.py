@@ -1,4 +1,4 @@
-"""The sides of things that stand on the ground: vertical edges from the ground up across the horizon.
+"""What does not look like road: the look of a part of the ground, and the upright sides of things that stand on it.
 
 The ground ends at the horizon of the camera, and whatever lies on it, as paint, shadows and joints, lies below. A
 thing that is taller than the lens is high hides the horizon: each of its sides is an edge that runs, in one column
@@ -6,7 +6,7 @@ of the image, from above the horizon down to its base. The row of the base gives
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from perception.sight.settings import HiddenSettings
 from trepid.car.camera import Camera
-from trepid.types import Image, Mask
+from trepid.types import Array, Image, Mask
 
 AROUND_RAD = 0.02  # to both sides of the horizon: an edge has its contrast here
 SAMPLE = 2  # every second row gives the usual step of the ground
@@ -88,3 +88,43 @@ class UprightEdges:
 def _run(is_edge: Mask) -> np.ndarray:
     """Rows from the first one on in which each column is an edge."""
     return np.where(is_edge.all(axis=0), len(is_edge), np.argmin(is_edge, axis=0))
+
+
+LEAST_PIXELS = 30
+NOISE_GREY = 2.0  # least deviation of a colour
+
+
+class Look(NamedTuple):
+    """Colour of a part of the ground, and its deviation."""
+
+    mean: Array  # (3,)
+    covariance: Array  # (3, 3)
+    inverse: Array  # of the covariance
+
+    @classmethod
+    def of(cls, pixels: Array) -> Self | None:
+        """The look of ``pixels`` (n, 3), by their median and the spread of nine tenths of them, so that painted
+        lines do not count; None of too few."""
+        if len(pixels) < LEAST_PIXELS:
+            return None
+        middle = np.asarray(np.median(pixels, axis=0), float)
+        covariance = _covariance(pixels, middle)
+        return cls(middle, covariance, np.asarray(np.linalg.inv(covariance), float))
+
+    def distance(self, pixels: Image | Array) -> Array:
+        """Deviations between ``pixels`` (..., 3) and this look (Mahalanobis 1936)."""
+        off = pixels.astype(float) - self.mean
+        return np.asarray(np.sqrt(((off @ self.inverse) * off).sum(axis=-1)))
+
+    def apart(self, other: "Look") -> float:
+        """Deviations between two looks: the separation of Fisher (1936)."""
+        off = self.mean - other.mean
+        return math.sqrt(float(off @ np.linalg.solve(self.covariance + other.covariance, off)) * 2.0)
+
+
+def _covariance(pixels: Array, middle: Array) -> Array:
+    """Covariance around ``middle`` of the nine tenths of ``pixels`` nearest to it, with the noise of the camera."""
+    off = pixels - middle
+    size = np.abs(off).sum(axis=1)
+    inner = off[size <= np.partition(size, int(0.9 * len(size)))[int(0.9 * len(size))]]
+    return np.asarray(inner.T @ inner / len(inner) + NOISE_GREY**2 * np.eye(3))

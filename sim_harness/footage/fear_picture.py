@@ -3,8 +3,7 @@
 import cv2
 import numpy as np
 
-from perception.images.annotate import PANEL, enlarge, with_lane
-from perception.images.fear_strip import with_decision
+from perception.images.annotate import PANEL, enlarge, with_decision, with_lane
 from perception.images.frames import FrameResult
 from sim_harness.footage.onlooker import Onlooked
 from trepid.bounds import at_least

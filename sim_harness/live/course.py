@@ -188,7 +188,7 @@ def has_begun(truth: SimTruth) -> bool:
 def course_of(
     scenario: str, changes: Mapping[str, str], estimators: Sequence[str], *, duration_s: float | None
 ) -> ScenarioCourse:
-    """See :func:`drive.choice.course_for`, which calls it. Raises InputError."""
+    """See :func:`drive.open_road.course_for`, which calls it. Raises InputError."""
     found = load_scenario(scenario, {**changes, **changes_of(estimators)})
     found.check()
     found = found if duration_s is None else found.shortened(duration_s)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 
-from drive.choice import networks_of
+from drive.open_road import networks_of
 
 
 def changes_of(designations: Sequence[str] | None) -> Mapping[str, str]:

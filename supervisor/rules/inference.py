@@ -36,7 +36,7 @@ class Mamdani:
     systems, 2009), so ``trepid fear check`` fails for it.
 
     scikit-fuzzy integrates over the points of a grid; here the integral is exact: between the places of two levels
-    only their two sets differ from 0, and the outline max(min(p, 1 - s), min(q, s)) is straight between its corners.
+    only their two sets differ from 0, and the outline max(min(p, 1 - s), min(q, s)) is straight between corners.
     """
 
     def __init__(self, rules: tuple[Rule, ...], inputs: dict[str, Input], at: tuple[float, ...]) -> None:

@@ -1,6 +1,7 @@
 """Inputs of the fear rules beside those of every car: of each estimator by its name, and those of other packages.
 
-Other packages add inputs by entry points of the group ``trepid.fear_inputs``. Such an input is a function of the validated inputs of one moment, with the range of its values::
+Other packages add inputs by entry points of the group ``trepid.fear_inputs``. Such an input is a function of the
+validated inputs of one moment, with the range of its values::
 
     @fear_input(low=0.0, high=1.0)
     def glare(moment: Moment) -> float | None:

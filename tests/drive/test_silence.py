@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from drive.silence import Silence
+from drive.losses import Silence
 from trepid.messages import Diagnostic, Health
 from trepid.processes.settings import ProcessSpec
 

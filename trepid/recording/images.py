@@ -1,13 +1,17 @@
-"""The camera images of a recording of Trepid, one after the other, so that a long drive needs little memory."""
+"""What estimators need of a recording: the settings of its car, and its camera images, one after the other."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from trepid.config import InputError
+from trepid.config import InputError, car_folder, using_car
 from trepid.images.files import decoded_image
 from trepid.messages import CompressedFrame, Frame
 from trepid.recording.foreign import messages_of, types_of
+from trepid.recording.reader import RecordingContent
+from trepid.recording.writer import CAR_FILES
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, Topic
 from trepid.types import Image
 from trepid.wire import WireError, from_cdr, ros_name
@@ -56,3 +60,17 @@ def decode_image(message: Frame | CompressedFrame) -> Image | None:
     if isinstance(message, Frame):
         return message.image
     return decoded_image(message.jpeg)
+
+
+@contextmanager
+def recorded_car(recorded: RecordingContent) -> Iterator[None]:
+    """Use the settings of the recorded car, unless another car is in use already. Raises InputError."""
+    own = {name: data for name, data in recorded.files.items() if name.startswith(CAR_FILES)}
+    if car_folder() is not None or not own:
+        yield
+        return
+    with TemporaryDirectory() as folder:
+        for name, data in own.items():
+            (Path(folder) / Path(name).name).write_bytes(data)
+        with using_car(Path(folder)):
+            yield

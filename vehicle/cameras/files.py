@@ -1,4 +1,4 @@
-"""Recorded frames in files: videos and folders of images."""
+"""Recorded frames in files: videos, folders of images, and MCAP files of Trepid or of other software."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -10,8 +10,12 @@ from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS, images_in, read_image
 from trepid.images.video import loss_of, video_frames
 from trepid.loudness import warn
-from trepid.types import Positive
+from trepid.recording.foreign import messages_of, topics_in_words, types_of
+from trepid.spelling import did_you_mean
+from trepid.types import Image, Positive
+from trepid.wire import WireError
 from vehicle.cameras.playback import Playback, PlaybackSettings, UndecodedFrame, recording_path
+from vehicle.cameras.ros_images import TYPES, RosImage, ros_image
 from vehicle.cameras.source import SourceContext
 
 
@@ -58,3 +62,72 @@ def video_shots(path: Path) -> Iterator[UndecodedFrame]:
     """The frames of a video by their stamps. Raises InputError when none can be decoded."""
     for frame in video_frames(path):
         yield UndecodedFrame(frame.t_s, partial(np.asarray, frame.decode(), np.uint8))
+
+
+class McapSettings(PlaybackSettings):
+    """Block ``mcap`` of ``config/camera_source.yaml``."""
+
+    topic: str | None = None  # None: the only one with images
+
+
+class McapFile(Playback):
+    """The images of one topic, by the stamps of their headers; by the time of logging where a stamp is zero."""
+
+    Settings = McapSettings
+
+    def __init__(self, settings: McapSettings, drive: SourceContext) -> None:
+        path = recording_path(settings.path)
+        topics = {topic: name for topic, name in types_of(path).items() if name in TYPES}
+        topic = _choose_topic(settings.topic, topics, path)
+        begin = partial(mcap_shots, path, topic, topics[topic])
+        try:
+            super().__init__(begin, now_s=drive.now_s, pace=settings.pace, loop=settings.loop)
+        except InputError as error:
+            raise InputError(f"{path}: {topic}: {error}") from error
+
+
+def _choose_topic(wanted: str | None, topics: dict[str, str], path: Path) -> str:
+    if not topics:
+        images = f"no topic with {' or '.join(TYPES)} in CDR, as ROS 2 records them"
+        raise InputError(f"{path}: holds {images}, but {topics_in_words(path)}")
+    if wanted is None:
+        if len(topics) > 1:
+            raise InputError(
+                f"{path}: holds several topics with images; set topic to one of {', '.join(topics)}"
+            )
+        return next(iter(topics))
+    for name in (wanted, f"/{wanted}"):
+        if name in topics:
+            return name
+    raise InputError(f"{path}: no topic {wanted!r} with images; {did_you_mean(wanted, topics)}")
+
+
+def mcap_shots(path: Path, topic: str, ros_type: str) -> Iterator[UndecodedFrame]:
+    """The images of ``topic`` in the order of the file.
+
+    The image of a malformed message cannot be decoded; its time is that of logging, less the delay of the image
+    before it. Malformed messages before the first image have no time and are left out.
+    """
+    delay_s: float | None = None
+    for logged_s, data in messages_of(path, topic):
+        where = f"{path}: {topic} at {logged_s:.3f} s"
+        try:
+            image = ros_image(data, ros_type)
+        except WireError as error:
+            if delay_s is not None:
+                yield UndecodedFrame(logged_s - delay_s, partial(_refuse, f"{where}: {error}"))
+            continue
+        t_s = logged_s if image.stamp_s is None else image.stamp_s
+        delay_s = logged_s - t_s
+        yield UndecodedFrame(t_s, partial(_decode, image, where))
+
+
+def _refuse(reason: str) -> Image:
+    raise InputError(reason)
+
+
+def _decode(image: RosImage, where: str) -> Image:
+    try:
+        return image.decode()
+    except WireError as error:
+        raise InputError(f"{where}: {error}") from error

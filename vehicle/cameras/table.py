@@ -20,7 +20,7 @@ OWN: Mapping[str, str] = MappingProxyType(
         "gstreamer": "vehicle.cameras.opencv:GstreamerCamera",
         "video": "vehicle.cameras.files:VideoFile",
         "folder": "vehicle.cameras.files:ImageFolder",
-        "mcap": "vehicle.cameras.mcap_file:McapFile",
+        "mcap": "vehicle.cameras.files:McapFile",
         "ros2": "vehicle.cameras.ros_topic:RosTopic",
     }
 )

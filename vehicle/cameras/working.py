@@ -13,9 +13,27 @@ from pydantic import Field
 from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
 from trepid.images.jpeg import BUDGET_KB_PER_S
-from trepid.images.mount import Mount
 from trepid.messages import Frame
 from trepid.types import Image, Positive
+
+_TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
+_FLIPS = {"horizontal": 1, "vertical": 0}
+
+
+class Mount(Settings):
+    """Section ``mount`` of ``config/camera_source.yaml``: the image is mirrored, then turned."""
+
+    mirror: Literal["none", "horizontal", "vertical"] = "none"
+    rotate_deg: Literal[0, 90, 180, 270] = 0  # clockwise
+
+    def upright(self, image: Image) -> Image:
+        """The corrected image; 90 and 270 degrees exchange width and height. The values of the pixels are exact."""
+        if self.mirror != "none":
+            image = np.asarray(cv2.flip(image, _FLIPS[self.mirror]), np.uint8)
+        if self.rotate_deg:
+            image = np.asarray(cv2.rotate(image, _TURNS[self.rotate_deg]), np.uint8)
+        return image
+
 
 SAME_RATIO = 0.01  # tolerance of width over height
 

@@ -1,6 +1,9 @@
-"""The messages of Trepid as the source of a ROS 2 package, ``trepid_msgs``, that colcon builds."""
+"""The ``ros`` verbs: the messages of Trepid as the source of a ROS 2 package, ``trepid_msgs``, for colcon."""
 
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from trepid import __version__
 from trepid.config import InputError
@@ -66,3 +69,20 @@ def write_package(folder: Path) -> Path:
     except OSError as error:
         raise InputError(f"{target}: {error.strerror}") from error
     return target
+
+
+app = typer.Typer(no_args_is_help=True)
+
+
+@app.callback()
+def ros() -> None:
+    """Group of the verbs, also while there is only one."""
+
+
+@app.command()
+def package(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The src folder of a ROS 2 workspace.")],
+) -> int:
+    """Write the messages of Trepid as the source of the ROS 2 package trepid_msgs, for colcon."""
+    print(write_package(folder))
+    return 0

@@ -13,7 +13,7 @@ from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, VEHICLE_STATE, estimate_topic
 from trepid.types import Column
-from vehicle.cameras.mcap_file import mcap_shots
+from vehicle.cameras.files import mcap_shots
 from vehicle.cameras.ros_images import TYPES
 
 SUFFIX = ".mcap"

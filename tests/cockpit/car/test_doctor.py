@@ -20,7 +20,7 @@ from trepid.config import CAR, ROOT, InputError
 from trepid.messages import VehicleState
 from trepid.processes.settings import ProcessSpec, load_processes
 from vehicle.cameras.source import SourceContext
-from vehicle.keys.certificates import create
+from vehicle.certificates import create
 
 FOUR = ("vehicle.yaml", "camera.yaml", "fear.yaml", "drive.yaml")
 NOW_S = 1_790_000_000.0

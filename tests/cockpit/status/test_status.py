@@ -24,7 +24,7 @@ from trepid.messages import Diagnostic, Health
 from trepid.processes.register import Running, register_drive, running, ticks
 from trepid.security import LAUNCHER, OBSERVER, drive_endpoint, session_settings
 from trepid.topics import DIAGNOSTICS
-from vehicle.keys.certificates import create
+from vehicle.certificates import create
 
 WELL = dict(
     name="cv", pid=7, alive=True, rate_hz=25.0, age_s=0.4, cpu_percent=9.0, restarts=0, message="",

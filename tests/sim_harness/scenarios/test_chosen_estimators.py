@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from driving_network_rig import write_network
 
-from drive.choice import networks_of
+from drive.open_road import networks_of
 from sim_harness.cli import run_verb
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.chosen_estimators import changes_of

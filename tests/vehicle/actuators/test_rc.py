@@ -32,8 +32,8 @@ from trepid.config import CONFIG_DIR, ROOT, InputError, load
 from vehicle.actuators.node import ActuatorStep, Wire
 from vehicle.actuators.rc.actuator import BRAKE_FROM_MPS2, PcaActuator, SerialActuator
 from vehicle.actuators.rc.guard import Guard
-from vehicle.actuators.rc.motion import LEAD_MPS, SpeedIntegrator
 from vehicle.actuators.rc.pca9685 import LED0_ON_L
+from vehicle.actuators.rc.pulses import LEAD_MPS, SpeedIntegrator
 from vehicle.actuators.rc.serial_board import encode_pulse
 from vehicle.measurement.check import build as build_check
 

@@ -78,6 +78,6 @@ def test_a_missing_library_is_one_line_with_the_remedy(car, monkeypatch):
 def test_an_actuator_of_another_package_is_found_by_its_entry_point(car, monkeypatch):
     car("actuator: theirs\ntheirs: {interface: x, channel: y, map: z}\n")
     point = type("Point", (), {"value": "x", "load": lambda self: table.resolve_name(table.OWN["can"])})()
-    monkeypatch.setattr(table.plugins, "added", lambda group: {"theirs": point})
+    monkeypatch.setattr(table.plugins, "added_entry_points", lambda group: {"theirs": point})
     name, settings = table.configured_actuator()
     assert (name, settings.channel) == ("theirs", "y")

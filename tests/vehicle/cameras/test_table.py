@@ -77,7 +77,7 @@ def test_another_package_adds_a_source(car: Path, monkeypatch: pytest.MonkeyPatc
             return ImageFolder
 
     monkeypatch.setattr("trepid.plugins.entry_points", lambda group: [Point()])
-    table.plugins.added.cache_clear()
+    table.plugins.added_entry_points.cache_clear()
     try:
         folder = folder_of(car / "frames", 1)
         source = built(car, f"source: thermal\nthermal:\n  path: {folder}\n")
@@ -85,4 +85,4 @@ def test_another_package_adds_a_source(car: Path, monkeypatch: pytest.MonkeyPatc
         with pytest.raises(InputError, match="expected a block"):
             built(car, "source: thermal\n")
     finally:
-        table.plugins.added.cache_clear()
+        table.plugins.added_entry_points.cache_clear()

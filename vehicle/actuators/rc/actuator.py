@@ -23,9 +23,8 @@ from trepid.messages import Command, VehicleState
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.rc.guard import Guard
 from vehicle.actuators.rc.i2c import open_i2c
-from vehicle.actuators.rc.motion import SpeedIntegrator
 from vehicle.actuators.rc.pca9685 import Pca9685
-from vehicle.actuators.rc.pulses import Steering, Throttle
+from vehicle.actuators.rc.pulses import SpeedIntegrator, Steering, Throttle
 from vehicle.actuators.rc.serial_board import SerialBoard
 from vehicle.actuators.rc.settings import PcaSettings, RcSettings, SerialSettings, SpeedSource
 from vehicle.actuators.table import FILE, configured_actuator

@@ -34,7 +34,7 @@ def create(
     car: Car = None,
 ) -> int:
     """Make a certificate authority and a certificate for every process; existing files are kept as they are."""
-    from vehicle.keys.certificates import create as create_keys
+    from vehicle.certificates import create as create_keys
 
     roles = [LAUNCHER, OBSERVER, *parse(read(FILE), ProcessesFile, source=FILE).processes, *(processes or [])]
     made = create_keys(folder, roles, hosts or [])

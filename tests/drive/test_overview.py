@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from trepid.processes.notify import Notifier
+from drive.overview import Notifier
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_the_watchdog_is_fed_twice_in_its_time(
 ) -> None:
     monkeypatch.setenv("WATCHDOG_USEC", "4000000")
     now_s = [100.0]
-    monkeypatch.setattr("trepid.processes.notify.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("drive.overview.time.monotonic", lambda: now_s[0])
     notifier = Notifier()
     for step_s in (0.0, 1.0, 0.9, 0.2):  # at 0, 1, 1.9 and 2.1 s
         now_s[0] += step_s

@@ -12,8 +12,8 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from trepid.cli import main
 from trepid.config import InputError
 from trepid.security import Security, certificate, load_security, private_key
-from vehicle.keys.certificates import check_certificate, create
-from vehicle.keys.check import check_keys
+from vehicle.certificates import check_certificate, create
+from vehicle.keys_check import check_keys
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -134,7 +134,7 @@ def test_a_machine_whose_clock_is_before_the_certificates_is_told_to_set_it(keys
 def test_no_certificate_is_valid_for_longer_than_its_authority(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vehicle.keys.certificates.AUTHORITY_DAYS", 300)
+    monkeypatch.setattr("vehicle.certificates.AUTHORITY_DAYS", 300)
     create(tmp_path, ["controller"])
     ends = [
         x509.load_pem_x509_certificate(certificate(tmp_path, role).read_bytes()).not_valid_after_utc
@@ -146,7 +146,7 @@ def test_no_certificate_is_valid_for_longer_than_its_authority(
 
 
 def test_an_expired_authority_signs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vehicle.keys.certificates.AUTHORITY_DAYS", -0.5)
+    monkeypatch.setattr("vehicle.certificates.AUTHORITY_DAYS", -0.5)
     with pytest.raises(InputError, match=r"ca.crt: expired on"):
         create(tmp_path, ["controller"])
     assert not certificate(tmp_path, "controller").exists()

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.sight.glare import is_glare
-from perception.sight.judge import build
+from perception.sight.judge import build, is_glare
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.images.mount import Mount
+from vehicle.cameras.working import Mount
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera).model_copy(
     update={"cx_px": 171.0, "cy_px": 108.0, "fy_px": 201.0}

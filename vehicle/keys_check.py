@@ -14,7 +14,7 @@ def check_keys(roles: Iterable[str], security: Security | None = None) -> None:
     security = security or load_security()
     if security.folder is None:
         return
-    from vehicle.keys.certificates import check_certificate  # imports cryptography
+    from vehicle.certificates import check_certificate  # imports cryptography
 
     host = security.listen.rpartition(":")[0].strip("[]") if security.listen else None
     for role in (LAUNCHER, *roles):

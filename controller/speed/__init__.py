@@ -1,1 +1,0 @@
-"""Longitudinal control: speed limits of the lane, acceleration demand."""

@@ -1,1 +1,0 @@
-"""Rule files as IEC 61131-7 Fuzzy Control Language."""

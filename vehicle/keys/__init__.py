@@ -1,1 +1,0 @@
-"""Keys: an authority for one car, and a certificate for each of its processes."""
