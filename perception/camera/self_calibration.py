@@ -28,13 +28,21 @@ class VanishingPoint(NamedTuple):
 
 
 def calibrate_by_images(images: Sequence[NDArray[np.uint8]], settings: SelfCalibrationSettings) -> Camera:
-    """A typical windscreen camera for ``images`` of equal size, with the median horizon of their vanishing points.
+    """A typical windscreen camera for ``images`` of equal size, whose horizon is the median of theirs."""
+    horizon = float(np.median([vanishing_point(image, settings).y for image in images]))
+    height_px, width_px = images[0].shape[:2]
+    return typical_camera(width_px, height_px, horizon, settings)
+
+
+def typical_camera(
+    width_px: int, height_px: int, horizon: float, settings: SelfCalibrationSettings
+) -> Camera:
+    """A typical windscreen camera with the horizon of a flat road at the share ``horizon`` of the image height.
 
     A flat road straight ahead vanishes at v = cy − f·tan(pitch), so pitch = atan((cy − v)/f). In an image much
     higher than wide this is beyond the bounds of a :class:`Camera`, and the pitch is the steepest one.
     """
-    height_px, width_px = (max(size, MIN_CAMERA_PX) for size in images[0].shape[:2])
-    horizon = float(np.median([vanishing_point(image, settings).y for image in images]))
+    height_px, width_px = max(height_px, MIN_CAMERA_PX), max(width_px, MIN_CAMERA_PX)
     focal_px = settings.focal_per_width * width_px
     centre_y_px = (height_px - 1) / 2
     steepest_rad = math.nextafter(PITCH_BOUND_RAD, 0.0)
@@ -55,33 +63,73 @@ def calibrate_by_images(images: Sequence[NDArray[np.uint8]], settings: SelfCalib
 
 
 def vanishing_point(image: NDArray[np.uint8], settings: SelfCalibrationSettings) -> VanishingPoint:
-    """The point to which most line segments of ``image`` point, with a Gaussian prior on its place.
-
-    Each segment votes with its length for every point of a grid that lies above it within a few degrees of
-    its direction.
-    """
+    """The point to which most line segments of ``image`` point, with a Gaussian prior on its place."""
     if min(image.shape[:2]) < MIN_IMAGE_PX:
         return VanishingPoint(x=0.5, y=settings.horizon_share)
-    grey = small_grey(image)
-    rows, columns = grey.shape
-    found = segments(grey)
-    slanted = (np.abs(found.direction[:, 1]) > MIN_RISE) & (found.length_px > settings.min_segment_px)
-    found = found.part(slanted)
-    step = settings.grid_step_px
-    y = np.arange(0.2 * rows, 0.8 * rows, step)
-    x = np.arange(0.2 * columns, 0.8 * columns, step)
-    prior = (
-        ((y[:, None] / rows - settings.horizon_share) / settings.horizon_sigma) ** 2
-        + ((x[None, :] / columns - 0.5) / settings.centre_sigma) ** 2
-    ) / 2
-    score = -settings.prior_weight * prior
-    if slanted.any():
-        score = score + _votes(x, y, found, settings.angle_sigma_rad)
+    votes = Votes.of(image, settings)
+    score = votes.score - settings.prior_weight * _surprise(votes.y, settings)[:, None]
     best_y, best_x = np.unravel_index(int(np.argmax(score)), score.shape)
-    return VanishingPoint(x=float(x[best_x] / columns), y=float(y[best_y] / rows))
+    return VanishingPoint(x=float(votes.x[best_x]), y=float(votes.y[best_y]))
 
 
-def _votes(x: Array, y: Array, found: Segments, sigma_rad: float) -> Array:
+class Horizon:
+    """The horizon of a drive: the row to which the segments of all its frames point.
+
+    A frame may show no road, or a bend. The score of a row is that of its best place in each frame, because the
+    vehicle turns, and its mean over the frames is weighted by the length of their segments; old ones fade, because
+    a load or a mount may change. The prior counts as one frame.
+    """
+
+    def __init__(self, settings: SelfCalibrationSettings) -> None:
+        self._settings = settings
+        self._rows = np.array([settings.horizon_share])  # shares of the image height
+        self._sum, self._length_px, self._frames = np.zeros(1), 0.0, 0.0
+
+    def update(self, image: NDArray[np.uint8]) -> float:
+        """The horizon with ``image``, of the same size as those before, as a share of its height."""
+        if min(image.shape[:2]) >= MIN_IMAGE_PX:
+            votes, keep = Votes.of(image, self._settings), self._settings.horizon_keep
+            self._rows = votes.y
+            self._sum = keep * self._sum + votes.length_px * votes.score.max(axis=1)
+            self._length_px = keep * self._length_px + votes.length_px
+            self._frames = keep * self._frames + 1
+        prior = self._settings.prior_weight * _surprise(self._rows, self._settings)
+        score = self._sum / max(self._length_px, 1.0) - prior / max(self._frames, 1.0)
+        return float(self._rows[int(np.argmax(score))])
+
+
+class Votes(NamedTuple):
+    """The votes of the segments of an image for each place of a grid."""
+
+    x: Array  # of the grid, shares of the width
+    y: Array  # ..., shares of the height
+    score: Array  # share of the length that points to each place, less the prior of x; shape (len(y), len(x))
+    length_px: float  # of all segments
+
+    @classmethod
+    def of(cls, image: NDArray[np.uint8], settings: SelfCalibrationSettings) -> "Votes":
+        """Each segment votes with its length for every place above it within a few degrees of its direction."""
+        grey = small_grey(image)
+        rows, columns = grey.shape
+        found = segments(grey)
+        slanted = (np.abs(found.direction[:, 1]) > MIN_RISE) & (found.length_px > settings.min_segment_px)
+        found = found.part(slanted)
+        y = np.arange(0.2 * rows, 0.8 * rows, settings.grid_step_px)
+        x = np.arange(0.2 * columns, 0.8 * columns, settings.grid_step_px)
+        aside = ((x / columns - 0.5) / settings.centre_sigma) ** 2 / 2
+        score = np.broadcast_to(-settings.prior_weight * aside, (len(y), len(x)))
+        if slanted.any():
+            score = score + _shares(x, y, found, settings.angle_sigma_rad)
+        length_px = float(np.minimum(found.length_px, MAX_LENGTH_PX).sum())
+        return cls(x / columns, y / rows, score, length_px)
+
+
+def _surprise(y: Array, settings: SelfCalibrationSettings) -> Array:
+    """Half the squared standard deviations of a horizon at each row, a share of the image height."""
+    return np.asarray(((y - settings.horizon_share) / settings.horizon_sigma) ** 2 / 2)
+
+
+def _shares(x: Array, y: Array, found: Segments, sigma_rad: float) -> Array:
     """Share of the length that points to each place of the grid, shape (len(y), len(x))."""
     direction = found.direction
     to_x = x[None, :, None] - found.middle_px[:, 0]

@@ -18,6 +18,7 @@ class SelfCalibrationSettings(Settings):
     ahead_of_rear_axle_m: float
     horizon_share: Share
     horizon_sigma: Positive
+    horizon_keep: Share
     centre_sigma: Positive
     min_segment_px: Positive
     angle_sigma_rad: Positive

@@ -108,6 +108,8 @@ def _fit_lane(
 def _near(view: StreetView, levelled: LevelImage, lane: Array, boundary: Boundary) -> RoadPoints:
     """Points of ``boundary`` near its curve, far to near."""
     gate = view.settings.gate_m
+    if boundary.kind == BoundaryKind.MIDDLE:
+        return levelled.points.part(np.empty(0, int))
     if boundary.kind == BoundaryKind.LINE:
         points = levelled.points
         y_m = parallel_curve(points.x_m, lane[PSI], lane[KAPPA], np.array(boundary.left_m))

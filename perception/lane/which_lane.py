@@ -158,17 +158,19 @@ class WhichLane:
             return _with_confidence(searched, min(rated, searched.confidence))
         paired = self._estimate(lane, frame.t_s)
         same = agreement(lane_columns(searched, height, width), lane_columns(paired, height, width))
-        uneven = unevenness(frame.image, paired.left_boundary_px, paired.right_boundary_px)
         of_search = _of_search(searched, frame.image, lane.pair.probability, same)
+        kinds = lane.pair.left.kind, lane.pair.right.kind
+        which = kinds[0] != BoundaryKind.MIDDLE, kinds[1] != BoundaryKind.MIDDLE
+        path = paired.left_boundary_px, paired.right_boundary_px
         of_pair = street_features(
             lane.pair.probability,
-            steps=sum(one.kind == BoundaryKind.STEP for one in (lane.pair.left, lane.pair.right)),
-            uneven=UNEVEN if uneven is None else uneven,
+            steps=sum(kind != BoundaryKind.LINE for kind in kinds),
+            uneven=UNEVEN if (uneven := unevenness(frame.image, *path)) is None else uneven,
             offset_m=lane.pair.offset_m,
             agreement=same,
             searched=searched.confidence,
-            shown=visible_share(frame.image, paired.left_boundary_px, paired.right_boundary_px) or 0.0,
-            along=marks(frame.image, paired.left_boundary_px, paired.right_boundary_px).along,
+            shown=visible_share(frame.image, *path, which=which) or 0.0,
+            along=marks(frame.image, *path, which=which).along,
         )
         self.looks = FinderLane(searched, of_search), FinderLane(paired, of_pair)
         most = either(searched.confidence, lane.pair.probability, agreement=same)

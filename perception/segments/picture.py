@@ -12,7 +12,7 @@ import numpy as np
 from perception.segments.network import Masks
 from trepid.types import Floats, Image
 
-AREA, REST, LINE = np.array([[100, 100, 100], [40, 110, 60], [255, 255, 255]], np.float32)  # BGR
+AREA, REST, LINE = np.array([[100, 100, 100], [20, 64, 30], [255, 255, 255]], np.float32)  # BGR
 SMOOTH_PX = 5  # along a row, before its crests are taken
 LEAST = 0.2  # probability of a crest
 

@@ -6,6 +6,7 @@ from typing import Annotated
 from pydantic import Field
 
 from perception.lane.settings import ConfidenceSettings
+from perception.lane.street.settings import SearchedWeights, StreetWeights
 from perception.net.published_files import data_file
 from perception.segments.network import SegmentNetwork
 from trepid.config import CONFIG_DIR, InputError, Settings, default_file, default_names, load, resource
@@ -20,6 +21,8 @@ class SegmentSettings(Settings):
     network: Annotated[str, Field(pattern=r"^[A-Za-z0-9][\w.-]*$")]
     file: str | None = None
     confidence: ConfidenceSettings
+    searched: SearchedWeights
+    pair: StreetWeights
 
 
 def segment_settings() -> SegmentSettings:

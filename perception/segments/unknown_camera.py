@@ -1,7 +1,7 @@
 """The lane in pictures of masks from a camera without a camera file."""
 
 from perception.camera.odometry import StateOdometry
-from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
+from perception.camera.self_calibration import Horizon, typical_camera
 from perception.lane.settings import LaneCvSettings
 from perception.lane.which_lane import WhichLane
 from perception.segments.estimator import Segments, segmenter_of
@@ -15,14 +15,14 @@ MATERIAL = 0.01  # change of the horizon, in widths of the image, with which the
 
 
 class LaneOfPictures:
-    """The lane in pictures of an unknown camera, whose horizon is that of the lines in the first of them.
+    """The lane in pictures of an unknown camera, whose horizon is that of the lines in all of them so far.
 
     The masks leave nothing but the road, so that its lines, and not those of houses, point to the horizon.
     """
 
     def __init__(self, settings: LaneCvSettings, vehicle: Vehicle) -> None:
         self._settings, self._vehicle = settings, vehicle
-        self._pictures: list[Image] = []
+        self._horizon = Horizon(settings.self_calibration)
         self.camera: Camera | None = None  # as known so far
         self._finder: WhichLane | None = None
 
@@ -32,12 +32,12 @@ class LaneOfPictures:
 
     def _finder_of(self, picture: Image) -> WhichLane:
         """The finder for the camera of all pictures so far."""
-        if self._finder is None or len(self._pictures) < CALIBRATION_FRAMES:
-            self._pictures.append(picture)
-            camera = calibrate_by_images(self._pictures, self._settings.self_calibration)
-            if self._finder is None or _differs(camera, self.camera):
-                self.camera = camera
-                self._finder = WhichLane(self._settings, camera, self._vehicle, StateOdometry.NONE)
+        height_px, width_px = picture.shape[:2]
+        horizon = self._horizon.update(picture)
+        camera = typical_camera(width_px, height_px, horizon, self._settings.self_calibration)
+        if self._finder is None or _differs(camera, self.camera):
+            self.camera = camera
+            self._finder = WhichLane(self._settings, camera, self._vehicle, StateOdometry.NONE)
         return self._finder
 
 
@@ -47,5 +47,7 @@ def _differs(one: Camera, other: Camera | None) -> bool:
 
 def build(vehicle: Vehicle, lane_cv: LaneCvSettings) -> Segments:
     """The estimator ``segments`` without a camera file. Raises InputError."""
-    finder = LaneOfPictures(lane_cv, vehicle)
-    return Segments(segmenter_of(segment_settings()), finder, lookahead_m=lane_cv.steering.lookahead_m)
+    own = segment_settings()
+    street = lane_cv.street.model_copy(update={"searched": own.searched, "pair": own.pair})
+    finder = LaneOfPictures(lane_cv.model_copy(update={"street": street}), vehicle)
+    return Segments(segmenter_of(own), finder, lookahead_m=lane_cv.steering.lookahead_m)

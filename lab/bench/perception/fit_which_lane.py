@@ -1,7 +1,8 @@
-"""Weights of the confidence of `cv` without a camera file.
+"""Weights of the confidence of `cv` and of `segments` without a camera file.
 
 `python -m lab.bench.perception.fit_which_lane --seed 1 --count 400` prints the sections ``searched`` and
-``pair`` of ``street`` in config/perception.yaml. The samples are looks of unknown cameras at drawn streets and
+``pair`` of ``street`` in config/perception.yaml; with ``--estimator segments`` those of config/segments.yaml.
+The samples are looks of unknown cameras at drawn streets and
 roads (:mod:`.looks`); a lane is right where both boundaries lie within a quarter of its width from the true ones,
 as for lanes on real frames that are judged by eye.
 
@@ -11,8 +12,8 @@ looks of the family wrong at a confidence above a half, (k + 1)/(n + 1) bounds t
 control: Angelopoulos et al., ICLR 2024), here of a family that was not in the fit.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -27,6 +28,10 @@ from perception.estimators import lane_cv_settings
 from perception.lane.detection.evenness import columns
 from perception.lane.street.settings import SearchedWeights, StreetWeights
 from perception.lane.which_lane import WhichLane
+from perception.segments.estimator import NAME as SEGMENTS
+from perception.segments.estimator import segmenter_of
+from perception.segments.picture import draw_masks
+from perception.segments.settings import segment_settings
 from sim_harness.world.roads.drawn import UNMARKED
 from sim_harness.world.streets import StreetKind
 from trepid.car.vehicle import Vehicle
@@ -37,6 +42,7 @@ from trepid.types import Array, Mask
 
 WEIGHTS: tuple[type[Settings], ...] = SearchedWeights, StreetWeights
 MAX_WRONG = 0.07  # expected share of looks of a new family that are wrong at a confidence above a half
+MAX_WRONG_OF_ALL = 0.02  # the same of all looks, for masks of a network that was not trained on drawn roads
 MARGINS = np.arange(0.0, 4.0, 0.1)
 FAMILIES: dict[str, str] = {
     **dict.fromkeys(UNMARKED, "unmarked"),
@@ -57,6 +63,16 @@ class Samples:
     inputs: Array  # (n, features)
     right: Mask
     family: Array  # (n,) of str
+
+
+def as_masks(drawn: Iterable[Look]) -> Iterator[Look]:
+    """The pictures of the masks of ``drawn``, as `segments` sees them. Raises InputError without the network."""
+    segmenter = segmenter_of(segment_settings())
+    for look in drawn:
+        image = draw_masks(segmenter(look.image))
+        scale = image.shape[1] / look.image.shape[1]
+        left_px, right_px = ((side + 0.5) * scale - 0.5 for side in (look.left_px, look.right_px))
+        yield replace(look, image=image, left_px=left_px, right_px=right_px)
 
 
 def samples(drawn: Iterable[Look]) -> tuple[Samples, Samples]:
@@ -87,26 +103,43 @@ def _path(pixels: Array) -> PixelPath:
 
 def margin(known: Samples) -> float:
     """The least decrease of the bias with which the bound holds for every family that is left out of the fit."""
-    worst = 0.0
+    scores = left_out(known)
+    families = [known.family == family for family in sorted(set(known.family.tolist()))]
+    return max(_least(scores[own], known.right[own], MAX_WRONG) for own in families)
+
+
+def common_margin(known: Samples) -> float:
+    """The same for all looks together, each scored by a fit without its family: ``MAX_WRONG_OF_ALL``."""
+    return _least(left_out(known), known.right, MAX_WRONG_OF_ALL)
+
+
+def left_out(known: Samples) -> Array:
+    """w·x of each look, with the weights fitted to the other families; shape (n,)."""
+    scores = np.zeros(len(known.right))
     for family in sorted(set(known.family.tolist())):
         own = known.family == family
-        weights = fitted(known.inputs[~own], known.right[~own].astype(float))
-        wrong = np.sort((known.inputs[own] @ weights)[~known.right[own]])
-        for lower in MARGINS:
-            if (np.count_nonzero(wrong > lower) + 1) / (np.count_nonzero(own) + 1) <= MAX_WRONG:
-                break
-        worst = max(worst, float(lower))
-    return worst
+        scores[own] = known.inputs[own] @ fitted(known.inputs[~own], known.right[~own].astype(float))
+    return scores
+
+
+def _least(scores: Array, right: Mask, bound: float) -> float:
+    wrong = scores[~right]
+    kept = ((np.count_nonzero(wrong > lower) + 1) / (len(right) + 1) <= bound for lower in MARGINS)
+    return float(next((lower for lower, keeps in zip(MARGINS, kept, strict=True) if keeps), MARGINS[-1]))
 
 
 def main(
     seed: Annotated[int, typer.Option(help="Seed of the looks.")] = 1,
     count: Annotated[int, typer.Option(help="Number of looks.")] = 400,
+    estimator: Annotated[str, typer.Option(help="cv or segments.")] = "cv",
 ) -> None:
     """Draw the looks, search, fit, print the weights."""
-    sections = zip(samples(looks(seed, count)), WEIGHTS, ("searched", "pair"), strict=True)
+    drawn, margin_of = looks(seed, count), margin
+    if estimator == SEGMENTS:
+        drawn, margin_of = as_masks(drawn), common_margin
+    sections = zip(samples(drawn), WEIGHTS, ("searched", "pair"), strict=True)
     for known, section, name in sections:
-        weights, lower = fitted(known.inputs, known.right.astype(float)), margin(known)
+        weights, lower = fitted(known.inputs, known.right.astype(float)), margin_of(known)
         weights[0] -= lower
         right = 100 * known.right.mean()
         print(f"  # {len(known.right)} samples, {right:.1f} % right; bias lowered by {lower:.1f}")

@@ -33,8 +33,10 @@ class Marks(NamedTuple):
     along: float = 0.0  # lesser share, of both boundaries, of the rows with a mark along it
 
 
-def marks(image: Image, left: PixelPath, right: PixelPath) -> Marks:
-    """The marks of the lane between ``left`` and ``right``.
+def marks(
+    image: Image, left: PixelPath, right: PixelPath, *, which: tuple[bool, bool] = (True, True)
+) -> Marks:
+    """The marks of the lane between ``left`` and ``right``, along those boundaries of which ``which`` is true.
 
     The lane is resampled to rows of equal width. A mark is a place whose grey level is above those ``APART`` to
     both sides by more than ``FLOOR_GREY`` + ``CLEAR`` times the median of this difference. The texture is the
@@ -60,7 +62,9 @@ def marks(image: Image, left: PixelPath, right: PixelPath) -> Marks:
         return Marks()
     bright = _bright(flat) & visible
     along = min(
-        float(bright[:, at - ALONG : at + ALONG + 1].any(axis=1).mean()) for at in (BEYOND, BEYOND + STEPS)
+        float(bright[:, at - ALONG : at + ALONG + 1].any(axis=1).mean())
+        for at, counts in zip((BEYOND, BEYOND + STEPS), which, strict=True)
+        if counts
     )
     return Marks(rough, float(bright[:, _within(across, INNER)].any(axis=1).mean()), along)
 

@@ -18,8 +18,12 @@ INNER = (0.2, 0.8)  # part of the lane whose texture is the standard
 CLEAR, FLOOR_GREY = 2.5, 3.0  # times the texture; that of a plain surface
 
 
-def visible_share(image: Image, left: PixelPath, right: PixelPath) -> float | None:
+def visible_share(
+    image: Image, left: PixelPath, right: PixelPath, *, which: tuple[bool, bool] = (True, True)
+) -> float | None:
     """The lesser share of the rows in which the left and the right boundary are visible; None: too little is shown.
+
+    ``which``: the boundaries that count; no pixel shows the middle of a road without a line.
 
     A boundary is visible in a row where a line |2·g(0) − g(−a) − g(a)|/2 or a step |g(a) − g(−a)| of the grey level
     g, with a = ``APART``, within ``NEAR`` of it is ``CLEAR`` times the median of the same inside the lane. A
@@ -40,8 +44,12 @@ def visible_share(image: Image, left: PixelPath, right: PixelPath) -> float | No
     known = np.isfinite(inner).any(axis=1)
     clear, inner = clear[known], inner[known]
     clear /= np.nanmedian(inner, axis=1)[:, None] + FLOOR_GREY
-    shares = [_share(clear[:, at - NEAR : at + NEAR + 1]) for at in (BEYOND, BEYOND + STEPS)]
+    shares = [_share(clear[:, at - NEAR : at + NEAR + 1]) for at in _places(which)]
     return min((share for share in shares if share is not None), default=None)
+
+
+def _places(which: tuple[bool, bool]) -> list[int]:
+    return [at for at, counts in zip((BEYOND, BEYOND + STEPS), which, strict=True) if counts]
 
 
 def _change(grey: NDArray[np.float32], rows: NDArray[np.intp], column: Array) -> NDArray[np.float32]:

@@ -4,6 +4,9 @@ Boundaries are the peaks of a profile (:mod:`.profile`): lines, and steps of the
 with the car between them is a hypothesis. Its weight is the product of the densities of its width and of the place
 of the car, the probability that both boundaries are real, and factors below 1 for a line or another surface inside.
 The height of the camera is marginal: a lane of W camera heights is W·h wide.
+
+Two steps without a line between them enclose one lane, or a road for both ways, whose half on the side of the
+traffic is the lane.
 """
 
 import math
@@ -21,6 +24,7 @@ from trepid.types import Array
 class BoundaryKind(StrEnum):
     LINE = "line"
     STEP = "step"
+    MIDDLE = "middle"  # of a road for both ways without a line: no pixel shows it
 
 
 @dataclass(frozen=True)
@@ -81,12 +85,19 @@ def boundaries(profile: Profile, settings: PairSettings) -> list[Boundary]:
 
 
 def _peaks(values: Array, least: float, reach: int) -> list[int]:
-    """Places of local maxima of at least ``least``, none higher within ``reach``."""
-    return [
+    """Places of maxima of at least ``least``, none higher within ``reach``; of equal neighbours the middle."""
+    highest = [
         at
         for at in np.flatnonzero(values >= least).tolist()
         if values[at] == values[max(0, at - reach) : at + reach + 1].max()
     ]
+    plateaus: list[list[int]] = []
+    for at in highest:
+        if plateaus and at - plateaus[-1][-1] <= reach:
+            plateaus[-1].append(at)
+        else:
+            plateaus.append([at])
+    return [plateau[len(plateau) // 2] for plateau in plateaus]
 
 
 def pairs(
@@ -115,10 +126,12 @@ def pairs(
                 continue
             if left.left_m - right.left_m < 2 * settings.margin_m:
                 continue
-            weight = belief * _weight(profile, left, right, settings, height, on_left)
-            total = float(weight.sum())
-            if total > 0:
-                weighted.append((left, right, total, float(weight @ height) / total))
+            weights = [(left, right, _weight(profile, left, right, settings, height, on_left))]
+            if left.kind == right.kind == BoundaryKind.STEP:
+                weights += _halves(profile, left, right, settings, height, on_left)
+            for one, other, weight in weights:
+                if (total := float(belief @ weight)) > 0:
+                    weighted.append((one, other, total, float((belief * weight) @ height) / total))
     none = settings.none
     if before:
         none = none**settings.evidence_of_frame * (
@@ -154,6 +167,27 @@ def _weight(
         * _plain(profile, left, right, settings)
         * _side(left, right, settings, on_left)
     )
+
+
+def _halves(
+    profile: Profile, left: Boundary, right: Boundary, settings: PairSettings, height: Array, on_left: float
+) -> list[tuple[Boundary, Boundary, Array]]:
+    """The halves of a road for both ways between two steps, each with its weight at each height.
+
+    The car is in its half. A half is the lane with the probability of traffic on its side.
+    """
+    width_m = (left.left_m - right.left_m) * height
+    of_width = np.exp(-0.5 * ((width_m - settings.both_ways_m) / settings.both_ways_sigma_m) ** 2)
+    both = left.probability * right.probability * _plain(profile, left, right, settings)
+    middle = Boundary((left.left_m + right.left_m) / 2, BoundaryKind.MIDDLE, 0.0, both)
+    found = []
+    for one, other, share in ((left, middle, on_left), (middle, right, 1 - on_left)):
+        if one.left_m < -settings.margin_m or other.left_m > settings.margin_m:
+            continue
+        offset_m = -(one.left_m + other.left_m) / 2 * height
+        of_place = np.exp(-0.5 * (offset_m / settings.offset_sigma_m) ** 2)
+        found.append((one, other, share * both * of_width * of_place / settings.both_ways_sigma_m))
+    return found
 
 
 def _plain(profile: Profile, left: Boundary, right: Boundary, settings: PairSettings) -> float:
@@ -197,7 +231,7 @@ def kerb_side(pair: Pair, profile: Profile, settings: PairSettings) -> int:
 
     A kerb on one side, and a line with road for another lane beyond it on the other.
     """
-    if pair.left.kind == pair.right.kind:
+    if {pair.left.kind, pair.right.kind} != {BoundaryKind.LINE, BoundaryKind.STEP}:
         return 0
     side = 1 if pair.left.kind == BoundaryKind.STEP else -1
     line = pair.right if side > 0 else pair.left

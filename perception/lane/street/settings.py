@@ -58,6 +58,8 @@ class PairSettings(Settings):
     kerb_width_sigma_m: Positive
     road_width_m: Positive
     road_width_sigma_m: Positive
+    both_ways_m: Positive
+    both_ways_sigma_m: Positive
     offset_sigma_m: Positive
     margin_m: NonNegative
     line_within: NonNegative

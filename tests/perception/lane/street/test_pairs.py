@@ -69,3 +69,35 @@ def test_the_height_that_makes_a_pair_as_wide_as_a_lane_is_the_more_likely_one()
     (narrow,) = ranked(street([(1.2, 0.8), (-1.2, 0.8)]))
     (wide,) = ranked(street([(2.1, 0.8), (-2.1, 0.8)]))
     assert narrow.height > 1.05 and wide.height < 0.95
+
+
+@pytest.mark.parametrize("on_left", [0.0, 1.0])
+def test_of_a_road_for_both_ways_without_a_line_the_half_on_the_side_of_the_traffic_is_the_lane(on_left):
+    car_m = 1.5 if on_left else -1.5  # the middle of the road lies to the right of a car on the left
+    best = ranked(street(kerbs=(3.1 - car_m, -3.1 - car_m)), on_left=on_left)[0]
+    kinds = [BoundaryKind.STEP, BoundaryKind.MIDDLE]
+    assert [best.left.kind, best.right.kind] == (kinds if on_left else kinds[::-1])
+    assert best.width_m == pytest.approx(3.1, abs=0.06) and best.offset_m == pytest.approx(0.0, abs=0.1)
+
+
+def test_in_the_middle_of_a_road_for_both_ways_neither_half_is_probable_while_the_traffic_is_unknown():
+    found = ranked(street(kerbs=(3.1, -3.1)))
+    assert max(one.probability for one in found) < 0.5
+
+
+def test_a_road_as_wide_as_one_lane_is_not_halved():
+    best = ranked(street(kerbs=(1.9, -1.9)))[0]
+    assert BoundaryKind.MIDDLE not in (best.left.kind, best.right.kind)
+
+
+def test_the_half_of_a_road_says_nothing_of_the_side_of_the_traffic():
+    profile = street(kerbs=(4.6, -1.6))
+    half = next(one for one in ranked(profile) if BoundaryKind.MIDDLE in (one.left.kind, one.right.kind))
+    assert kerb_side(half, profile, SETTINGS) == 0
+
+
+def test_equal_neighbours_are_one_boundary_at_their_middle():
+    profile = street()
+    profile.line[(LEFT_M < 1.86) & (LEFT_M > 1.34)] = 0.8
+    (found,) = boundaries(profile, SETTINGS)
+    assert found.left_m == pytest.approx(1.6, abs=0.11)
