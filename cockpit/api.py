@@ -86,7 +86,7 @@ class OpenRecording(Drive):
 
     def explain(self, at_s: float, *, rules: str | Path | None = None) -> Story:
         """Why the vehicle drove as it did at ``at_s``; see :func:`trepid.explain`. Raises InputError."""
-        return _told(self._recall if rules is None else recall(self.path, Path(rules)), at_s)
+        return _tell(self._recall if rules is None else recall(self.path, Path(rules)), at_s)
 
     @cached_property
     def _recall(self) -> Recall:
@@ -121,12 +121,12 @@ def explain(
     if is_recording(path):
         if values is not None or at_s is None:
             raise InputError(f"{path}: a recording is explained at a time: give at_s, and no values")
-        return _told(recall(path, None if rules is None else Path(rules)), at_s)
+        return _tell(recall(path, None if rules is None else Path(rules)), at_s)
     refuse(f"{path}: at_s and rules are for recordings, and this is no MCAP file", for_drive)
     return explanation(FearRules.load(path), values or {})
 
 
-def _told(drive: Recall, at_s: float) -> Story:
+def _tell(drive: Recall, at_s: float) -> Story:
     try:
         return story(drive, at_s)
     except ValueError as error:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from drive.course import Course, Findings
 from drive.log import DriveLog
-from drive.monitor import Monitor, Show, unreported
+from drive.monitor import Monitor, Show, missing_processes
 from drive.plan import (
     context_of,
     networks_in,
@@ -134,7 +134,7 @@ def telling(show: Show, say: Callable[[str], None], addresses: dict[str, str]) -
     waiting = dict(addresses)
 
     def show_drive(log: DriveLog, fleet: Fleet, elapsed_s: float) -> None:
-        if waiting and not unreported(log, fleet):
+        if waiting and not missing_processes(log, fleet):
             for name in waiting.keys() & log.diagnostics.keys():
                 say(waiting.pop(name))
         show(log, fleet, elapsed_s)

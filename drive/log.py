@@ -123,7 +123,7 @@ class DriveLog:
             self._add(message)
 
     @property
-    def _held_by(self) -> str:
+    def _holding_words(self) -> str:
         """The words of the stop button that holds the car; "": it does not."""
         beats = self.diagnostics.values()
         return next((beat.message for beat in beats if beat.message.startswith(STOPPED)), "")
@@ -131,13 +131,13 @@ class DriveLog:
     @property
     def waits_for(self) -> str:
         """Why the car stands and what would end that: the stop button, else the supervisor; "": it may drive."""
-        return self._held_by or (self.decision.waits_for if self.decision is not None else "")
+        return self._holding_words or (self.decision.waits_for if self.decision is not None else "")
 
     @property
     def reason(self) -> str:
         """What the car does and why, in a sentence: held by the stop button, else :func:`drive.reason.reason`."""
         driver = self.state is not None and self.state.driver_override
-        return self._held_by or reason(self.decision, command=self.command, driver=driver)
+        return self._holding_words or reason(self.decision, command=self.command, driver=driver)
 
     def _add(self, message: Any) -> None:
         match message:

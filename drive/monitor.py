@@ -21,7 +21,7 @@ Show = Callable[[DriveLog, Fleet, float], None]
 LISTEN_S = 0.02
 
 
-def unreported(log: DriveLog, fleet: Fleet) -> list[str]:
+def missing_processes(log: DriveLog, fleet: Fleet) -> list[str]:
     """The processes whose loss matters and which have not reported yet."""
     specs = {name: child.spec for name, child in fleet.children.items()}
     matters = [name for name, spec in specs.items() if spec.heartbeat and spec.loss is not Loss.NOTHING]
@@ -80,7 +80,7 @@ class Monitor:
         while not signals:
             for exited in self._fleet.collect_exits():
                 raise InputError(self._start_fault(exited))
-            missing = unreported(self._log, self._fleet)
+            missing = missing_processes(self._log, self._fleet)
             if not (missing or self._released or self._log.decision is None):
                 self._release()
             if self._released and self._course.has_begun(self._log.truth):

@@ -30,7 +30,7 @@ from sim_harness.world.roads.appearance import (
     Surface,
     Verge,
 )
-from sim_harness.world.roads.disturbances import MAX_GRADE, Disturbance, DisturbanceKind, disturbed
+from sim_harness.world.roads.disturbances import MAX_GRADE, Disturbance, DisturbanceKind, disturb
 from sim_harness.world.roads.drawn import (
     SNOW_COVER,
     UNMARKED,
@@ -89,13 +89,13 @@ def road_samples(
     street, things, (first_m, last_m) = _random_place(rng, np.random.default_rng((seed, 11)), scenery)
     disturbed_now = rng.random() < DISTURBED_SHARE
     disturbances = random_disturbances(rng, DISTURBANCES, MAX_GRADE) if disturbed_now else []
-    road = Road(disturbed(street.road.settings, disturbances))
+    road = Road(disturb(street.road.settings, disturbances))
     ground = Ground(road, seed=seed)
-    cameras = [_jittered(camera, rng) for _ in range(CAMERAS_PER_ROAD)]
+    cameras = [_jitter(camera, rng) for _ in range(CAMERAS_PER_ROAD)]
 
     @cache
     def renderer_of(number: int, mirror: bool) -> Renderer:
-        eye = _mirrored(cameras[number]) if mirror else cameras[number]
+        eye = _mirror_camera(cameras[number]) if mirror else cameras[number]
         return Renderer(road, eye, seed=seed, ground=ground, disturbances=disturbances, things=things)
 
     for index, station_m in enumerate(np.sort(rng.uniform(first_m, last_m, frames)).tolist()):
@@ -126,7 +126,7 @@ def _random_place(
             road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
         street, shown_m = Street(road, ()), (0.0, road.length_m)
     if scenery.seams and town.random() < scenery.seams:
-        street = replace(street, road=seamed(street.road, town))
+        street = replace(street, road=add_seams(street.road, town))
     things = things_beside(street.road, town) if town.random() < scenery.things else []
     return street, things, shown_m
 
@@ -259,7 +259,7 @@ def highway(rng: np.random.Generator) -> Road:
     )
 
 
-def seamed(road: Road, rng: np.random.Generator) -> Road:
+def add_seams(road: Road, rng: np.random.Generator) -> Road:
     """``road`` with up to three tar seams along it: beside the lines, as of lanes paved one by one, or anywhere."""
     half_m = road.settings.lane_width_m / 2
     seams_m = [
@@ -401,13 +401,13 @@ def _near_zero(rng: np.random.Generator, sigma: float, limit: float) -> float:
     return float(rng.uniform(-limit, limit))
 
 
-def _jittered(camera: Camera, rng: np.random.Generator) -> Camera:
+def _jitter(camera: Camera, rng: np.random.Generator) -> Camera:
     pitch_down_rad = camera.pitch_down_rad + float(rng.normal(0, PITCH_JITTER_RAD))
     height_m = camera.height_m + float(rng.normal(0, HEIGHT_JITTER_M))
     return camera.model_copy(update={"pitch_down_rad": pitch_down_rad, "height_m": height_m})
 
 
-def _mirrored(camera: Camera) -> Camera:
+def _mirror_camera(camera: Camera) -> Camera:
     """The camera whose image, flipped left to right, is that of ``camera`` in the mirrored world."""
     cx_px = camera.width_px - 1 - camera.cx_px
     return camera.model_copy(update={"cx_px": cx_px, "y_m": -camera.y_m, "yaw_rad": -camera.yaw_rad})

@@ -96,7 +96,7 @@ def rain(image: Image, rng: np.random.Generator) -> Image:
         length = rng.uniform(0.04, 0.12) * height
         end = (int(x + slant * length), int(y + length))
         cv2.line(layer, (int(x), int(y)), end, int(rng.integers(60, 160)), 1, cv2.LINE_AA)
-    return _laid(as_pixels(cv2.convertScaleAbs(image, alpha=float(rng.uniform(0.75, 1)))), layer, RAIN)
+    return _lay_over(as_pixels(cv2.convertScaleAbs(image, alpha=float(rng.uniform(0.75, 1)))), layer, RAIN)
 
 
 def snow(image: Image, rng: np.random.Generator) -> Image:
@@ -107,7 +107,7 @@ def snow(image: Image, rng: np.random.Generator) -> Image:
         radius = max(1, round(rng.exponential(0.008) * height))
         cv2.circle(layer, (int(x), int(y)), radius, int(rng.integers(120, 255)), -1, cv2.LINE_AA)
     pale = np.full((height, width), int(rng.uniform(0, 60)), np.uint8)
-    return _laid(image, np.maximum(layer, pale), SKY)
+    return _lay_over(image, np.maximum(layer, pale), SKY)
 
 
 def fog(image: Image, rng: np.random.Generator) -> Image:
@@ -119,10 +119,10 @@ def fog(image: Image, rng: np.random.Generator) -> Image:
     below = np.maximum(np.arange(height) / height - rng.uniform(0.3, 0.55), 1e-3)
     density = np.exp(-rng.uniform(0.02, 0.15) / below)
     layer = np.repeat((255 * (1 - density)).astype(np.uint8)[:, None], width, axis=1)
-    return _laid(image, np.minimum(layer, int(rng.uniform(100, 230))), SKY)
+    return _lay_over(image, np.minimum(layer, int(rng.uniform(100, 230))), SKY)
 
 
-def _laid(image: Image, alpha: Image, colour: tuple[int, int, int]) -> Image:
+def _lay_over(image: Image, alpha: Image, colour: tuple[int, int, int]) -> Image:
     """``colour`` laid over ``image`` with the opacity ``alpha`` of 255."""
     share = alpha[..., None].astype(np.float32) / 255
     return (image * (1 - share) + np.array(colour, np.float32) * share).astype(np.uint8)

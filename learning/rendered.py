@@ -44,7 +44,7 @@ def say(text: str) -> None:
     note(text)
 
 
-def rendered(
+def render_roads(
     render: Callable[[int], Part],
     split: str,
     roads: int,

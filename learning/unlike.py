@@ -100,10 +100,10 @@ def _activations(model: "onnx.ModelProto", kind: str) -> list[str]:
         for node in model.graph.node
         if node.op_type in ACTIVATIONS and made_by.get(node.input[0]) == kind
     ]
-    return [_rounded(model, name) for name in found[-MOST_LAYERS:]]
+    return [_rounded_tensor(model, name) for name in found[-MOST_LAYERS:]]
 
 
-def _rounded(model: "onnx.ModelProto", activation: str) -> str:
+def _rounded_tensor(model: "onnx.ModelProto", activation: str) -> str:
     """``activation``, or the tensor rounded to 8 bits that takes its place in a quantised network."""
     for kind in ("QuantizeLinear", "DequantizeLinear"):
         after = (n for n in model.graph.node if n.op_type == kind and n.input[0] == activation)
@@ -123,7 +123,7 @@ def _run(
     session = session_of(shown.SerializeToString())
     sizes = {one.name: one.shape[1:] for one in session.get_inputs() if one.name != IMAGE}
 
-    def found(part: NDArray[np.intp]) -> Floats:
+    def infer(part: NDArray[np.intp]) -> Floats:
         state = {name: np.zeros((len(part), *size), np.float32) for name, size in sizes.items()}
         for back in range(before if state else 0, 0, -1):
             earlier = images[np.maximum(part - back, 0)]
@@ -131,7 +131,7 @@ def _run(
         values: Floats = session.run([tensor], {IMAGE: images[part], **state})[0]
         return values
 
-    return np.concatenate([found(places[i : i + BATCH]) for i in range(0, len(places), BATCH)])
+    return np.concatenate([infer(places[i : i + BATCH]) for i in range(0, len(places), BATCH)])
 
 
 def _constant(model: "onnx.ModelProto", name: str, value: np.ndarray) -> str:

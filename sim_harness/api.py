@@ -98,7 +98,7 @@ def sweep(
     files, watch, page_at = files or RunFiles(), watch or Watch(), None if report is None else Path(report)
     with using_car(None if car is None else Path(car)):
         selection = _selection(scenarios, tags, _changes(settings, estimators))
-        planned = _planned(selection, seeds, sample, cases, seed)
+        planned = _plan_runs(selection, seeds, sample, cases, seed)
         check_configuration(case.scenario for case in planned.values())
         _check_files(planned, page_at, files.paths)
         work: Workforce = partial(saving, files=files, detailed=page_at is not None)
@@ -109,7 +109,7 @@ def sweep(
             watch.begin(planned, kept)
             found = outcomes_of(planned, work, kept)
             if page_at is not None:
-                found = _paged(found, selection, planned, Page(watch.title), page_at)
+                found = _write_page(found, selection, planned, Page(watch.title), page_at)
             rows = {}
             with closing(found):  # type: ignore[type-var]
                 for key, outcome in found:
@@ -138,7 +138,7 @@ def _check_files(planned: Plan, report: Path | None, single: Sequence[Path]) -> 
             raise InputError(f"{file}: there is no folder {file.parent}")
 
 
-def _paged(
+def _write_page(
     found: Iterator[tuple[str, Outcome]], selection: Selection, planned: Plan, page: Page, path: Path
 ) -> Iterator[tuple[str, Outcome]]:
     """``found``, and at its end, also by an error, the ``page`` of what is finished, in the order of the plan."""
@@ -165,7 +165,7 @@ def _changes(settings: Mapping[str, object] | None, estimators: Sequence[str]) -
     return {**changes, **changes_of(list(estimators))}
 
 
-def _planned(
+def _plan_runs(
     selection: Selection, seeds: int | Sequence[int], sample: str | None, cases: int | None, seed: int
 ) -> Plan:
     chosen = range(seed, seed + seeds) if isinstance(seeds, int) else seeds

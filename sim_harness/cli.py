@@ -20,7 +20,7 @@ from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.sampling import Case, Method, fresh_seed
 from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenario, scenario_schema
 from sim_harness.sweep.outcome import ClusterLost
-from sim_harness.sweep.plan import no_tagged, select, tagged
+from sim_harness.sweep.plan import no_tagged, select, with_tags
 from sim_harness.sweep.show import Display
 from sim_harness.sweep.sweep import RunFiles
 from trepid.config import INTERRUPTED, InputError, parse_overrides, refuse
@@ -60,7 +60,7 @@ def list_verb(
     as_json: AsJson = False,
 ) -> int:
     """List the scenarios: name, tags and description, wrapped at the width of a terminal, else one a line."""
-    scenarios = tagged(list(select(names, [], {}).scenarios) if names else list_scenarios(), tags or [])
+    scenarios = with_tags(list(select(names, [], {}).scenarios) if names else list_scenarios(), tags or [])
     if not scenarios:
         raise InputError(no_tagged(tags or []))
     if as_json:
@@ -162,7 +162,7 @@ def run_verb(
             watch=display,
         )
     except KeyboardInterrupt:
-        if not display.begun:
+        if not display.has_plan:
             raise
         display.report_end("interrupted: ")
         return INTERRUPTED

@@ -5,6 +5,7 @@ packages, names of modules given as strings count as well.
 """
 
 import ast
+import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -33,6 +34,18 @@ ALLOWED = {
 COMPARISON = "cockpit.compare"  # of traces: may import sim_harness too
 MAX_FILES = 20
 MAX_CLASS_LINES = 220
+PARTICIPLE = re.compile(
+    r"[a-z]{2,}ed|begun|bound|broken|brought|built|caught|chosen|done|drawn|driven|fallen|felt|found|frozen|given|"
+    r"gone|grown|heard|held|hidden|kept|known|laid|learnt|made|meant|met|moved|paid|said|seen|sent|shown|"
+    r"spent|spoken|stood|taken|thrown|told|understood|worn|written"
+)
+VERBS_AND_NOUNS = {"embed", "exceed", "feed", "need", "proceed", "seed", "shed", "speed"}
+PREPOSITIONS = {"after", "at", "by", "for", "from", "in", "of", "on", "out", "to", "with"}
+UNITS = {"deg", "m", "mps", "mps2", "ms", "percent", "px", "rad", "radps", "s"}
+PUBLISHED_PARTICIPLES = {
+    "ended",  # of a camera source, which other packages implement
+    "oriented",  # a stage of config/pipelines.yaml
+}
 SETTINGS_OF_FILES = {"SightSettings"}  # of three files of config/; the name is the title in their schemas
 
 
@@ -170,3 +183,36 @@ def test_a_class_name_means_at_most_two_things() -> None:
         name: where for name, where in places.items() if len(where) > 2 and name not in SETTINGS_OF_FILES
     }
     assert often == {}
+
+
+def is_bare_participle(name: str) -> bool:
+    """Whether a name says neither what it does nor what it gives: ``joined``, ``moved_m``, ``seen_from``."""
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.strip("_")).lower().split("_")
+    while len(words) > 1 and words[-1] in UNITS | PREPOSITIONS:
+        words.pop()
+    (word, *more) = words
+    return not more and word not in VERBS_AND_NOUNS and PARTICIPLE.fullmatch(word) is not None
+
+
+def test_no_function_or_class_is_named_by_a_bare_participle() -> None:
+    bare = [
+        f"{module}.{node.name}"
+        for module, path in modules().items()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+        and is_bare_participle(node.name)
+        and node.name not in PUBLISHED_PARTICIPLES
+    ]
+    assert bare == []
+
+
+@pytest.mark.parametrize("name", ["joined", "_driven", "moved_m", "seen_from", "Recorded", "held_s"])
+def test_a_participle_alone_with_its_unit_or_a_preposition_is_bare(name: str) -> None:
+    assert is_bare_participle(name)
+
+
+@pytest.mark.parametrize(
+    "name", ["join_rows", "kept_size", "followed_vehicle", "speed_mps", "is_saturated", "Feed"]
+)
+def test_a_verb_a_noun_and_a_participle_before_a_noun_are_not_bare(name: str) -> None:
+    assert not is_bare_participle(name)

@@ -16,7 +16,7 @@ from cockpit.calibration.chessboard import Intrinsics, intrinsics
 from cockpit.calibration.drive_clip import steps_of
 from cockpit.calibration.height import Step
 from cockpit.calibration.straight_drive import Mounting, mounting
-from cockpit.calibration.winding_drive import Driven, camera_by_driving, recorded_frames
+from cockpit.calibration.winding_drive import DriveMeasurement, camera_by_driving, recorded_frames
 from perception.images.sources import Clip, Still, sources
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
@@ -108,12 +108,12 @@ def calibrate(
     _check_options(out if not force else None, lane_width, speed, width)
     mount = _mount(rotate, mirror)
     start = load(camera, Camera)
-    measured, notes, report = _measured(start, boards, corners, straight, mount, speed, lane_width)
+    measured, notes, report = _measure_camera(start, boards, corners, straight, mount, speed, lane_width)
     if drive is not None:
-        found = _driven(measured, drive, mount, lens_known=bool(boards))
+        found = _measure_by_drive(measured, drive, mount, lens_known=bool(boards))
         measured, notes["drive"] = found.camera, _drive_note(found)
         report["drive"] = {name: getattr(found, name) for name in DRIVE_REPORT}
-    _put_out(_scaled(measured, width), notes, report, out=out, as_json=as_json, verb="calibrate")
+    _write_camera(_scale_camera(measured, width), notes, report, out=out, as_json=as_json, verb="calibrate")
 
 
 @app.command("import")
@@ -139,17 +139,17 @@ def import_(
     found = import_camera(file, load(camera, Camera))
     notes = describe(found, file, camera)
     report = {"model": found.model, "fit_px": found.fit_px}
-    _put_out(_scaled(found.camera, width), notes, report, out=out, as_json=as_json, verb="import")
+    _write_camera(_scale_camera(found.camera, width), notes, report, out=out, as_json=as_json, verb="import")
 
 
-def _scaled(camera: Camera, width_px: int | None) -> Camera:
+def _scale_camera(camera: Camera, width_px: int | None) -> Camera:
     """The camera of images that are scaled to ``width_px``; None: as they are."""
     if width_px is None:
         return camera
     return camera.resize(width_px, round(camera.height_px * width_px / camera.width_px))
 
 
-def _put_out(
+def _write_camera(
     camera: Camera,
     notes: dict[str, str],
     report: dict[str, Any],
@@ -181,7 +181,7 @@ def _check_options(
         raise InputError(f"--width: must be {MIN_WIDTH_PX} to {MAX_WIDTH_PX}, got {width_px}")
 
 
-def _measured(
+def _measure_camera(
     camera: Camera,
     boards: list[Path] | None,
     corners: str,
@@ -206,7 +206,7 @@ def _measured(
     return measured, notes, report
 
 
-def _driven(camera: Camera, path: Path, mount: Mount, *, lens_known: bool) -> Driven:
+def _measure_by_drive(camera: Camera, path: Path, mount: Mount, *, lens_known: bool) -> DriveMeasurement:
     """``camera`` as the recorded drive measures it."""
     frames = (one._replace(image=mount.upright(one.image)) for one in recorded_frames(path))
     first = next(frames, None)
@@ -293,7 +293,7 @@ def _mounting_note(found: Mounting) -> str:
     )
 
 
-def _drive_note(found: Driven) -> str:
+def _drive_note(found: DriveMeasurement) -> str:
     lens = "" if found.focal_doubt is None else f"; focal length within {100 * found.focal_doubt:.1f} %"
     return (
         f"drive: {found.pairs} pairs of frames{lens}; height within {100 * found.height_doubt:.1f} %;"

@@ -116,7 +116,7 @@ class CameraInfo(_Part):
         )
 
 
-class Imported(NamedTuple):
+class ImportedCamera(NamedTuple):
     """A camera whose lens is that of a file, and how it is stated there."""
 
     camera: Camera
@@ -124,7 +124,7 @@ class Imported(NamedTuple):
     fit_px: float | None  # largest error of a fitted lens; None: as stated
 
 
-def import_camera(path: Path, mounting: Camera) -> Imported:
+def import_camera(path: Path, mounting: Camera) -> ImportedCamera:
     """The camera of the camera_info at ``path``, mounted as ``mounting``. Raises InputError with its place."""
     data = read_first(path, _plain_yaml)
     message = (
@@ -140,7 +140,7 @@ def import_camera(path: Path, mounting: Camera) -> Imported:
     if abs(skew) * message.height / fy_px > SKEW_PX:
         raise InputError(f"{path}: a skew of {skew:g} px: only cameras with upright pixels can be imported")
     name, needs, lens = _lens_model(message, path)
-    coefficients = _stripped(message.d)
+    coefficients = _strip_zeros(message.d)
     if len(coefficients) > needs:
         raise InputError(f"{path}: {name} has {needs} coefficients, got {len(message.d)}")
     corner = float(
@@ -163,7 +163,7 @@ def import_camera(path: Path, mounting: Camera) -> Imported:
             "distortion": distortion,
         }
     )
-    return Imported(Camera.model_validate(_read_out(full, message, path).model_dump()), name, fit_px)
+    return ImportedCamera(Camera.model_validate(_read_out(full, message, path).model_dump()), name, fit_px)
 
 
 def _plain_yaml(text: str, path: Path) -> str:
@@ -213,16 +213,16 @@ def _lens_model(message: Message, path: Path) -> tuple[str, int, Lens]:
 
 
 def _as_stated(coefficients: Sequence[float], _: float) -> tuple[tuple[float, ...], None]:
-    return _stripped(coefficients), None
+    return _strip_zeros(coefficients), None
 
 
-def _stripped(coefficients: Sequence[float]) -> tuple[float, ...]:
+def _strip_zeros(coefficients: Sequence[float]) -> tuple[float, ...]:
     """``coefficients`` without zeros at the end, which some drivers add."""
     count = max((at for at, value in enumerate(coefficients, start=1) if value), default=0)
     return tuple(coefficients[:count])
 
 
-def _fitted(coefficients: Sequence[float], corner: float) -> tuple[tuple[float, ...], float]:
+def _fit_fisheye(coefficients: Sequence[float], corner: float) -> tuple[tuple[float, ...], float]:
     """k1 k2 0 0 k3 k4 k5 k6 of the fisheye with these four coefficients, and the largest error [focal lengths].
 
     Σ (r (1 + a1 s + a2 s² + a3 s³)/(1 + b1 s + b2 s² + b3 s³) − r_d)², s = r², is minimised by linear least squares
@@ -268,12 +268,12 @@ def _quotient(plane: Array, bent: Array, terms: int) -> tuple[tuple[float, ...],
 LENSES: dict[str, tuple[int, Lens]] = {
     "plumb_bob": (5, _as_stated),
     "rational_polynomial": (8, _as_stated),
-    "equidistant": (4, _fitted),
-    "fisheye": (4, _fitted),
+    "equidistant": (4, _fit_fisheye),
+    "fisheye": (4, _fit_fisheye),
 }
 
 
-def describe(found: Imported, path: Path, mounting: Path) -> dict[str, str]:
+def describe(found: ImportedCamera, path: Path, mounting: Path) -> dict[str, str]:
     """Notes on the source of lens and mounting."""
     fit = "" if found.fit_px is None else f", fitted within {found.fit_px:.2g} px"
     return {

@@ -129,16 +129,16 @@ def _enough(found: Mapping[str, Array], left_out: Mapping[str, str], corners: tu
 def _fit(found: Mapping[str, Array], corners: tuple[int, int], size_px: tuple[int, int]) -> Intrinsics:
     """Zhang's calibration, without distortion terms that are not significant."""
     terms = ((cv2.CALIB_FIX_K3, (8,)), (cv2.CALIB_ZERO_TANGENT_DIST, (6, 7)), (cv2.CALIB_FIX_K2, (5,)))
-    flags, fit = 0, _fitted(found, corners, size_px, 0)
+    flags, fit = 0, _fit_lens(found, corners, size_px, 0)
     for flag, places in terms:
         values = np.concatenate([fit.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], fit.distortion])
         if all(abs(values[place]) < SIGNIFICANT * fit.doubts[place] for place in places):
             flags |= flag
-            fit = _fitted(found, corners, size_px, flags)
+            fit = _fit_lens(found, corners, size_px, flags)
     return fit
 
 
-def _fitted(
+def _fit_lens(
     found: Mapping[str, Array], corners: tuple[int, int], size_px: tuple[int, int], flags: int
 ) -> Intrinsics:
     columns, rows = corners

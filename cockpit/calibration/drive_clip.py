@@ -28,7 +28,7 @@ def steps_of(path: Path, *, speed_mps: float | None = None) -> list[Step]:
     The distance between them is that at ``speed_mps`` or at the recorded speed. Raises InputError.
     """
     if path.suffix.lower() == ".mcap":
-        return _recorded(path, speed_mps)
+        return _recorded_steps(path, speed_mps)
     found = sources(path)
     first = found[0]
     count = min(count_frames(path) if isinstance(first, Clip) else len(found), MAX_FRAMES)
@@ -61,7 +61,7 @@ def _frames(
     return images, {number: number / NOMINAL_FPS for number in images}
 
 
-def _recorded(path: Path, given_mps: float | None) -> list[Step]:
+def _recorded_steps(path: Path, given_mps: float | None) -> list[Step]:
     """Frames of a recording in which the vehicle drives, at the recorded speeds unless one is given."""
     recorded = read_recording(path, CAMERA_COMPRESSED.key, VEHICLE_STATE.key)
     frames = [frame for _, frame in recorded.of(CAMERA_COMPRESSED)]

@@ -39,17 +39,17 @@ def height(
     """The height [m], its source and its relative uncertainty."""
     if lane_width_m is not None:
         widths = _lane_widths_h([_Across.of(lines, point, camera) for lines, point in kept])
-        width, doubt = _agreed(widths, "the lane between two lines")
+        width, doubt = _median_and_spread(widths, "the lane between two lines")
         return lane_width_m / width, "the width of the lane", doubt
     driven = [step for step in steps if step.way_m is not None and step.following is not None]
     if not driven:
         return camera.height_m, "the camera file", None
     heights = [found for step in driven if step.way_m and (found := _height_m(step, camera)) is not None]
-    height_m, doubt = _agreed(heights, "the ground moving between two frames")
+    height_m, doubt = _median_and_spread(heights, "the ground moving between two frames")
     return height_m, "the speed", doubt
 
 
-def _agreed(values: list[float], what: str) -> tuple[float, float]:
+def _median_and_spread(values: list[float], what: str) -> tuple[float, float]:
     """The median, and half of the interquartile range over it. Raises InputError."""
     if len(values) < MIN_FRAMES:
         raise InputError(f"{what} is visible in {len(values)} frames, {MIN_FRAMES} expected")

@@ -83,7 +83,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Identified:
+class Identification:
     """Parameters by name, measures of excitation, and the reason where parameters are refused."""
 
     parameters: dict[str, Parameter]
@@ -116,22 +116,24 @@ class EvenLog:
 
 def identify_understeer(
     log: DriveLog, vehicle: Vehicle, *, known_ratio: bool = False, anyway: bool = False
-) -> Identified:
+) -> Identification:
     """K_us, offsets and, for an angle of the steering wheel, the ratio; the wheelbase is that of ``vehicle``.
 
     With ``known_ratio`` the ratio is that of ``vehicle``. Parameters that the log does not excite are refused
     with a reason; ``anyway`` returns the estimates as well, where there is enough to fit.
     """
-    drive = evened(log)
-    excitation = excited(drive)
+    drive = resample_evenly(log)
+    excitation = excitation_measures(drive)
     refused = lacking(excitation)
     if refused and not (anyway and excitation["used_s"] >= LEAST_S):
-        return Identified({}, excitation, refused)
+        return Identification({}, excitation, refused)
     fit = Fit(drive, vehicle, at_steering_wheel=log.at_steering_wheel, known_ratio=known_ratio)
     try:
         theta, spread = fit.solve()
     except np.linalg.LinAlgError:
-        return Identified({}, excitation, "the log does not separate the parameters: vary speed and bends")
+        return Identification(
+            {}, excitation, "the log does not separate the parameters: vary speed and bends"
+        )
     deviation = np.sqrt(np.diag(spread))
     rise = TYRE_RISE * (excitation["lateral_accel_p95_mps2"] / GRAVITY_MPS2) ** 2
     deviation[0] = math.hypot(deviation[0], rise * theta[0])
@@ -144,10 +146,10 @@ def identify_understeer(
         if name is not None
     }
     refused = refused or unsure(parameters, excitation)
-    return Identified({} if refused and not anyway else parameters, excitation, refused)
+    return Identification({} if refused and not anyway else parameters, excitation, refused)
 
 
-def evened(log: DriveLog) -> EvenLog:
+def resample_evenly(log: DriveLog) -> EvenLog:
     """The log on an even grid of ``PERIOD_S`` or its own period, low-passed without delay."""
     step_s = float(np.median(np.diff(log.t_s)))
     fine_s = np.arange(log.t_s[0], log.t_s[-1], step_s)
@@ -186,7 +188,7 @@ def jitter(values: Array) -> float:
     return max(noise, rounding)
 
 
-def excited(drive: EvenLog) -> dict[str, float]:
+def excitation_measures(drive: EvenLog) -> dict[str, float]:
     """Usable seconds, speeds and lateral accelerations of the log."""
     used = drive.used
     period_s = float(drive.t_s[1] - drive.t_s[0]) if len(drive.t_s) > 1 else 0.0

@@ -17,7 +17,7 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 
 from cockpit.calibration import rc_file
-from cockpit.calibration.rc_session import HELP, Pressed, Session
+from cockpit.calibration.rc_session import HELP, KeyResult, Session
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, car_folder, load
 from trepid.loudness import warn
@@ -70,10 +70,10 @@ def steering(
     folder = car_folder()
     if folder is None:
         raise InputError("give the folder of the car: --car DIR; `trepid init` makes one")
-    name = board or rc_file.chosen()
+    name = board or rc_file.chosen_board()
     if name not in rc_file.BOARDS:
         raise InputError(f"--board {name}: expected pca9685 or serial")
-    changes = _given(
+    changes = _given_values(
         {
             "steering.centre_us": centre,
             "steering.left_us": left,
@@ -103,7 +103,7 @@ def steering(
         print(json.dumps({"file": None, "board": name}))
 
 
-def _given(values: dict[str, Any]) -> dict[str, Any]:
+def _given_values(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
@@ -120,7 +120,7 @@ def _speeds(texts: list[str]) -> list[list[float]]:
 
 
 @contextmanager
-def _opened(settings: RcSettings) -> Iterator[Board]:
+def _open_board(settings: RcSettings) -> Iterator[Board]:
     """The board; at the end the throttle is neutral and the wheels are straight."""
     board = open_board(settings)
     try:
@@ -134,7 +134,7 @@ def _opened(settings: RcSettings) -> Iterator[Board]:
 def _show(settings: RcSettings, pulses_us: list[float]) -> None:
     """Move the steering in small steps to each pulse and back to the centre."""
     try:
-        with _opened(settings) as board:
+        with _open_board(settings) as board:
             at_us = settings.steering.centre_us
             for goal_us in [*pulses_us, settings.steering.centre_us]:
                 while at_us != goal_us:
@@ -152,7 +152,7 @@ def _by_keys(folder: Path, name: str, settings: RcSettings) -> dict[str, Any]:
     session = Session(settings)
     print(HELP, file=sys.stderr)
     try:
-        with _keys() as keys, _opened(settings) as board:
+        with _keys() as keys, _open_board(settings) as board:
             while True:
                 now_s = time.monotonic()
                 key = keys()
@@ -168,7 +168,7 @@ def _by_keys(folder: Path, name: str, settings: RcSettings) -> dict[str, Any]:
                         fault = _fault(name, session.changes)
                         if not fault:
                             return session.changes
-                        pressed = Pressed(f"not written: {fault}")
+                        pressed = KeyResult(f"not written: {fault}")
                     print(f"\r\x1b[K{pressed.said}", end="", file=sys.stderr, flush=True)
                 board.write(session.pulses(now_s=time.monotonic()), now_s=now_s)
                 time.sleep(PERIOD_S)
@@ -187,11 +187,11 @@ def _fault(name: str, changes: dict[str, Any]) -> str:
     return ""
 
 
-def _with_speed(session: Session, question: str) -> Pressed:
+def _with_speed(session: Session, question: str) -> KeyResult:
     """Record the speed that is typed for the present throttle pulse."""
     pulse_us, speed_mps = session.throttle_us, _typed_speed(question)
     if speed_mps is None:
-        return Pressed("no speed recorded")
+        return KeyResult("no speed recorded")
     return session.speed(speed_mps, pulse_us=pulse_us)
 
 
@@ -230,7 +230,7 @@ def _keys() -> Iterator[Callable[[], str]]:
     tty.setcbreak(terminal)
     try:
 
-        def pressed() -> str:
+        def read_key() -> str:
             ready, _, _ = select.select([terminal], [], [], 0.0)
             if not ready:
                 return ""
@@ -239,6 +239,6 @@ def _keys() -> Iterator[Callable[[], str]]:
                 first += os.read(terminal, 2)
             return first.decode(errors="replace")
 
-        yield pressed
+        yield read_key
     finally:
         termios.tcsetattr(terminal, termios.TCSADRAIN, before)

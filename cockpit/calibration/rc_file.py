@@ -19,7 +19,7 @@ BOARDS = ("pca9685", "serial")
 HEADER = "# Overrides config/actuator.yaml field by field; written by `trepid calibrate steering`.\n"
 
 
-def chosen() -> str:
+def chosen_board() -> str:
     """The board that ``actuator.yaml`` names. Raises InputError when it names no board."""
     name, _ = configured_actuator()
     if name not in BOARDS:

@@ -14,7 +14,7 @@ LEFT, RIGHT, UP, DOWN = "\x1b[D", "\x1b[C", "\x1b[A", "\x1b[B"
 STEPS = {LEFT: -FINE_US, RIGHT: FINE_US, UP: COARSE_US, DOWN: -COARSE_US}
 
 
-class Pressed(NamedTuple):
+class KeyResult(NamedTuple):
     """What a key did."""
 
     said: str
@@ -26,10 +26,10 @@ class Pressed(NamedTuple):
 STEERING_KEYS = {"c": "steering.centre_us", "l": "steering.left_us", "r": "steering.right_us"}
 KEYS = {False: STEERING_KEYS, True: {"n": "throttle.neutral_us"}}
 """Key -> value that it records, on the steering and on the throttle."""
-QUIT = Pressed("", ends=True)
+QUIT = KeyResult("", ends=True)
 ACTIONS = {
-    "w": Pressed("", writes=True),
-    "v": Pressed("speed [m/s]?", asks_speed=True),
+    "w": KeyResult("", writes=True),
+    "v": KeyResult("speed [m/s]?", asks_speed=True),
     **dict.fromkeys(("q", "\x03", "\x04"), QUIT),
 }
 
@@ -56,7 +56,7 @@ class Session:
             self._settings.throttle.channel: self._throttle_us,
         }
 
-    def press(self, key: str, *, now_s: float) -> Pressed:
+    def press(self, key: str, *, now_s: float) -> KeyResult:
         """Move a pulse, or record the present one."""
         throttle = self._settings.throttle
         idle, self._key_s = now_s - self._key_s > IDLE_S, now_s
@@ -64,20 +64,20 @@ class Session:
             self._throttle_us = throttle.neutral_us
         if key in STEPS:
             self._move(STEPS[key])
-            return Pressed(self._where())
+            return KeyResult(self._where())
         if key == "t":
             self._on_throttle = not self._on_throttle
             self._throttle_us = throttle.neutral_us
-            return Pressed(self._where())
+            return KeyResult(self._where())
         if key == "x" and self._on_throttle:
             self._measured.clear()
             self.changes.pop("throttle.speeds", None)
-            return Pressed("no speeds recorded")
+            return KeyResult("no speeds recorded")
         if key in KEYS[self._on_throttle]:
-            return Pressed(self._record(KEYS[self._on_throttle][key]))
+            return KeyResult(self._record(KEYS[self._on_throttle][key]))
         if key in ACTIONS and (key != "v" or self._on_throttle):
             return ACTIONS[key]
-        return Pressed(HELP)
+        return KeyResult(HELP)
 
     def _move(self, by_us: float) -> None:
         steering, throttle = self._settings.steering, self._settings.throttle
@@ -91,12 +91,12 @@ class Session:
         self.changes[name] = pulse_us
         return f"{name} = {pulse_us:g}"
 
-    def speed(self, speed_mps: float, *, pulse_us: float | None = None) -> Pressed:
+    def speed(self, speed_mps: float, *, pulse_us: float | None = None) -> KeyResult:
         """Record the measured speed of the present throttle pulse, or of ``pulse_us``."""
         pulse_us = self._throttle_us if pulse_us is None else pulse_us
         self._measured[speed_mps] = pulse_us
         self.changes["throttle.speeds"] = [list(pair) for pair in sorted(self._measured.items())]
-        return Pressed(f"{speed_mps:g} m/s at {pulse_us:g} µs")
+        return KeyResult(f"{speed_mps:g} m/s at {pulse_us:g} µs")
 
     @property
     def throttle_us(self) -> float:

@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 
 from cockpit.calibration.confidence import covariance
 from cockpit.calibration.drive_log import DriveLog
-from cockpit.calibration.identification import GAP_S, Identified, interval, jitter
+from cockpit.calibration.identification import GAP_S, Identification, interval, jitter
 from trepid.car.vehicle import Vehicle
 from trepid.types import Array, Mask
 
@@ -35,14 +35,14 @@ WIDEST_S = 0.05  # ± of dead time plus time constant
 MOVE_S = 0.5  # over which moves of the command are counted
 
 
-def identify_response(log: DriveLog, vehicle: Vehicle) -> Identified:
+def identify_response(log: DriveLog, vehicle: Vehicle) -> Identification:
     """Dead time and time constant. Refuses, with a reason, where the log has no commands that move the wheels."""
     if len(log.command_t_s) < 2:
-        return Identified({}, {}, "the log has no commands")
+        return Identification({}, {}, "the log has no commands")
     fit = ResponseFit(log, vehicle)
     used_s = float(fit.used.sum() * fit.period_s)
     if used_s < LEAST_S:
-        return Identified({}, {}, f"only {used_s:.0f} s under command; {LEAST_S:g} s are needed")
+        return Identification({}, {}, f"only {used_s:.0f} s under command; {LEAST_S:g} s are needed")
     excitation = {"commanded_s": used_s, "command_move_p95_rad": fit.moves_rad() / fit.ratio}
     least_rad = max(LEAST_NOISES * fit.noise_rad / fit.ratio, LEAST_RAD)
     if excitation["command_move_p95_rad"] < least_rad:
@@ -50,19 +50,19 @@ def identify_response(log: DriveLog, vehicle: Vehicle) -> Identified:
             f"the command hardly moves: 95 % of its moves within {MOVE_S:g} s are below "
             f"{excitation['command_move_p95_rad']:.4f} rad of the road wheel; {least_rad:.4f} rad are needed"
         )
-        return Identified({}, excitation, reason)
+        return Identification({}, excitation, reason)
     (delay_s, lag_s), spread = fit.solve()
     both_s = interval(float(delay_s + lag_s), float(spread.sum()), "s")
     if both_s.half_width > WIDEST_S:
         half_s = f"{both_s.half_width:.2f}"
         reason = f"dead time plus time constant stay unknown to ±{half_s} s: steer faster or longer"
-        return Identified({}, excitation, reason)
+        return Identification({}, excitation, reason)
     parameters = {
         "steering_delay_s": interval(float(delay_s), float(spread[0, 0]), "s"),
         "steering_lag_s": interval(float(lag_s), float(spread[1, 1]), "s"),
         "steering_delay_plus_lag_s": both_s,
     }
-    return Identified(parameters, excitation, None)
+    return Identification(parameters, excitation, None)
 
 
 class ResponseFit:
@@ -130,7 +130,9 @@ class ResponseFit:
     def left_rad(self, theta: Array) -> Array:
         """Model minus measurement, without the bias; zero where the log is not used."""
         delay_s, lag_s = float(theta[0]), float(theta[1])
-        model_rad = followed(self._demand(delay_s), self.angle_rad[0], lag_s, self.rate_radps, self.period_s)
+        model_rad = follow_demand(
+            self._demand(delay_s), self.angle_rad[0], lag_s, self.rate_radps, self.period_s
+        )
         left = model_rad - self.angle_rad
         return np.where(self.used, left - left[self.used].mean(), 0.0)
 
@@ -143,7 +145,9 @@ class ResponseFit:
         return np.asarray(np.diff(integral) / self.period_s)
 
 
-def followed(demand_rad: Array, start_rad: float, lag_s: float, rate_radps: float, period_s: float) -> Array:
+def follow_demand(
+    demand_rad: Array, start_rad: float, lag_s: float, rate_radps: float, period_s: float
+) -> Array:
     """Angle at every sample of a first-order lag behind ``demand_rad``, no faster than ``rate_radps``."""
     keep = math.exp(-period_s / lag_s)
     first = demand_rad[0] if not math.isfinite(start_rad) else start_rad

@@ -37,7 +37,7 @@ class DrivenFrame(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Driven:
+class DriveMeasurement:
     """A camera that a drive has measured."""
 
     camera: Camera
@@ -69,7 +69,7 @@ def _motion(state: VehicleState, t_s: float) -> tuple[float | None, float | None
 
 def camera_by_driving(
     frames: Iterable[DrivenFrame], start: Camera, path: Path, *, lens_known: bool
-) -> Driven:
+) -> DriveMeasurement:
     """``start`` with the focal length, unless ``lens_known``, and the mounting that the frames measure.
 
     Raises InputError where the drive does not measure them.
@@ -102,7 +102,7 @@ def camera_by_driving(
             "height_m": height_m,
         }
     )
-    return Driven(turn_camera(found, lens, start), optics.pairs, focal_doubt, height_doubt)
+    return DriveMeasurement(turn_camera(found, lens, start), optics.pairs, focal_doubt, height_doubt)
 
 
 def _check(path: Path, what: str, ratio: float, doubt: float) -> None:

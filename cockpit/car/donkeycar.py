@@ -64,9 +64,9 @@ class _Names:
             raise InputError(
                 f"{self.path}:1:1: no {name}: uncomment it, or calibrate the car with donkeycar first"
             )
-        return self.checked(name, self.get(name), kind)
+        return self.check(name, self.get(name), kind)
 
-    def checked(self, name: str, value: Any, kind: type | tuple[type, ...], inner: str = "") -> Any:
+    def check(self, name: str, value: Any, kind: type | tuple[type, ...], inner: str = "") -> Any:
         """``value``, which the name holds. Raises InputError where it is of another type."""
         if not isinstance(value, kind) or isinstance(value, bool):
             raise self.fault(name, f"{inner or name}: {value!r} is not what donkeycar has there")
@@ -145,7 +145,7 @@ def _actuator(names: _Names) -> str:
                 )
 
         def pulse(name: str) -> float:
-            return _pulse_us(names, PWM, names.checked(PWM, of(name), (int, float), name))
+            return _pulse_us(names, PWM, names.check(PWM, of(name), (int, float), name))
 
     elif train in FLAT_DRIVES:
         bus, address = names.get("PCA9685_I2C_BUSNUM") or 1, names.get("PCA9685_I2C_ADDR", 0x40)
@@ -217,5 +217,5 @@ def _camera(names: _Names) -> str:
     flips = bool(names.get("CAMERA_VFLIP", False)), bool(names.get("CAMERA_HFLIP", False))
     mount = f"mount:\n  {MOUNTS[flips]}\n" if any(flips) else ""
     number = {"picamera": "camera", "v4l2": "device"}[source]
-    index = names.checked("CAMERA_INDEX", names.get("CAMERA_INDEX", 0), int)
+    index = names.check("CAMERA_INDEX", names.get("CAMERA_INDEX", 0), int)
     return f"source: {source}\n{mount}{source}:\n  {number}: {index}\n"

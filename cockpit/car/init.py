@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from cockpit.car.donkeycar import read_donkeycar
-from cockpit.car.template import merged
+from cockpit.car.template import merge
 from trepid.config import CONFIG_DIR, WHOLE_FILES, InputError, read_text
 
 TEMPLATES = CONFIG_DIR / "cars"
@@ -75,7 +75,7 @@ def write_car(folder: Path, like: Like, given: Mapping[str, str] = MappingProxyT
     }
     texts |= {name: file_text(name, template) for name in sorted(own - texts.keys())}
     texts |= {
-        name: HEADER.format(name=name) + merged(read_text(CONFIG_DIR / name), own)
+        name: HEADER.format(name=name) + merge(read_text(CONFIG_DIR / name), own)
         for name, own in given.items()
     }
     texts |= {f"schema/{name}": read_text(CONFIG_DIR / "schema" / name) for name in SCHEMAS}
@@ -99,4 +99,4 @@ def file_text(name: str, template: Path) -> str:
         return f"{first}\n{WHOLE_HEADER.format(name=name)}{rest}"
     if "/" in name or not (CONFIG_DIR / name).is_file():
         return own
-    return HEADER.format(name=name) + merged(read_text(CONFIG_DIR / name), own)
+    return HEADER.format(name=name) + merge(read_text(CONFIG_DIR / name), own)

@@ -11,31 +11,31 @@ _FIELD = re.compile(r"(\s*)([\w.-]+|\"[^\"]+\"|'[^']+')\s*:(?:\s|$)")
 _ITEM = re.compile(r"\s*- ")
 
 
-def merged(default: str, template: str) -> str:
+def merge(default: str, template: str) -> str:
     """The text of the default file with its fields as comments, and with the fields of ``template`` active.
 
     A field that both give as a block of further fields is merged line by line.
     """
-    lines = _merged(default.splitlines(), template.splitlines(), indent=0)
+    lines = _merge_lines(default.splitlines(), template.splitlines(), indent=0)
     return "\n".join(lines) + "\n"
 
 
-def _merged(default: list[str], template: list[str], indent: int) -> list[str]:
+def _merge_lines(default: list[str], template: list[str], indent: int) -> list[str]:
     above, ours = _blocks(template, indent)
     head, theirs = _blocks(default, indent)
-    lines = [*above, *(_commented(line) for line in head)]
+    lines = [*above, *(_comment_out(line) for line in head)]
     for name, block in theirs.items():
         given = ours.pop(name, None)
         if given is None:
-            lines += [_commented(line) for line in block]
+            lines += [_comment_out(line) for line in block]
             continue
         inner = _indent_below(block)
         if inner is not None and inner == _indent_below(given):
-            lines += [given[0], *_merged(block[1:], given[1:], inner)]
+            lines += [given[0], *_merge_lines(block[1:], given[1:], inner)]
         else:
             kept, after = _without_end(block)
-            lines += [*(_commented(line) for line in kept), *_without_end(given)[0]]
-            lines += [_commented(line) for line in after]
+            lines += [*(_comment_out(line) for line in kept), *_without_end(given)[0]]
+            lines += [_comment_out(line) for line in after]
     return lines + [line for block in ours.values() for line in block]
 
 
@@ -78,6 +78,6 @@ def _without_end(block: list[str]) -> tuple[list[str], list[str]]:
     return block[:end], block[end:]
 
 
-def _commented(line: str) -> str:
+def _comment_out(line: str) -> str:
     """``line`` as a comment; empty lines and comments stay as they are."""
     return line if not line.strip() or line.lstrip().startswith("#") else f"#{line}"

@@ -24,7 +24,7 @@ def compare(one: str | Path, other: str | Path) -> dict[str, Any]:
     ``pairs`` of files of the same name, ``only_a`` and ``only_b``. Raises InputError.
     """
     paths = Path(one), Path(other)
-    found, _ = compared(*paths, common_kind(*paths))
+    found, _ = compare_paths(*paths, common_kind(*paths))
     return found
 
 
@@ -52,7 +52,7 @@ def kind_of(path: Path) -> str:
     return "recordings" if is_recording(path) else "runs"
 
 
-def compared(one: Path, other: Path, kind: str) -> tuple[dict[str, Any], tuple[Course, Course] | None]:
+def compare_paths(one: Path, other: Path, kind: str) -> tuple[dict[str, Any], tuple[Course, Course] | None]:
     """The comparison of two paths of a kind, for JSON, and what is drawn of them. Raises InputError."""
     names = {"a": str(one), "b": str(other)}
     if kind == "recordings":
@@ -77,7 +77,7 @@ def _folders(one: Path, other: Path) -> dict[str, Any]:
     )
     pairs = []
     for name in sorted(first & second):
-        found, _ = compared(one / name, other / name, kind_of(one / name))
+        found, _ = compare_paths(one / name, other / name, kind_of(one / name))
         pairs.append({**found, "name": name})
     return {
         "kind": "folders",

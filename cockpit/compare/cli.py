@@ -32,7 +32,7 @@ def compare(
     Two traces are equal where their trace_sha256 are. The exit code is 0 when both were compared, also where they
     differ.
     """
-    from cockpit.compare.api import common_kind, compared
+    from cockpit.compare.api import common_kind, compare_paths
     from cockpit.compare.drives import courses
     from trepid.images.figure_style import save
 
@@ -41,7 +41,7 @@ def compare(
         raise InputError(f"{report}: exists already and is kept; give another name")
     if picture is not None and kind not in ("recordings", "traces"):
         raise InputError(f"--picture {picture}: only two recordings or two traces are drawn")
-    found, drawn = compared(one, other, kind)
+    found, drawn = compare_paths(one, other, kind)
     names = (f"A {one.name}", f"B {other.name}")
     if picture is not None and drawn is not None:
         save(courses(drawn, names), picture)

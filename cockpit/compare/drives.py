@@ -64,7 +64,7 @@ def compare_drives(one: Path, other: Path) -> tuple[dict[str, Any], "tuple[Recal
     ``spans_s``: times of the first and the last decision of each. ``common_s``: those of the decisions that were
     compared; None without any. ``equal``: nothing differs, and both cover the same time.
     """
-    first, second = recall(one).decoded(), recall(other).decoded()
+    first, second = recall(one).without_undecodable(), recall(other).without_undecodable()
     difference, common = first_difference(first, second), first.t_s[_common(first, second)]
     spans_s = [_ends(first.t_s), _ends(second.t_s)]
     return {

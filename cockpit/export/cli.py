@@ -86,7 +86,7 @@ def export(
         drive = Drive(recording)
         note(f"trepid export: {len(drive.frames_s)} camera frames")
         with recorded_car(drive.recorded):
-            counts = _written(drive, work, kind, rate)
+            counts = _write_export(drive, work, kind, rate)
     if not drive.recorded.complete:
         warn("trepid export: the recording is cut short; exported up to its last whole chunk")
     for key, count in drive.impossible.items():
@@ -132,7 +132,7 @@ def _format(out: Path, to: Format | None) -> Format:
     return to
 
 
-def _written(drive: "Drive", work: Path, kind: Format, rate_hz: float | None) -> dict[str, Any]:
+def _write_export(drive: "Drive", work: Path, kind: Format, rate_hz: float | None) -> dict[str, Any]:
     """Write the export to ``work``; its number of rows, and what was left out."""
     from cockpit.export import table
 
@@ -176,10 +176,10 @@ def _progress() -> Callable[[float], None]:
     """A function that prints the share that is done, every SPOKEN_S."""
     spoken_s = time.monotonic()
 
-    def done(share: float) -> None:
+    def report_share(share: float) -> None:
         nonlocal spoken_s
         if time.monotonic() - spoken_s >= SPOKEN_S:
             spoken_s = time.monotonic()
             note(f"trepid export: {share:.0%}")
 
-    return done
+    return report_share

@@ -57,9 +57,9 @@ def write_film(drive: Drive, out: Path, rate_hz: float | None, done: Callable[[f
             while coming is not None and coming[0] <= at_s + 1e-6:
                 latest, coming = coming, next(ahead, None)
             if latest is not None:
-                shown_s, canvas = latest[0], drawn(drive, latest[0], latest[1], camera, vehicle)
+                shown_s, canvas = latest[0], draw_frame(drive, latest[0], latest[1], camera, vehicle)
             assert canvas is not None  # the first image is of first_s
-            stamped = _stamped(canvas, drive, at_s, at_s - shown_s)
+            stamped = _draw_stamp(canvas, drive, at_s, at_s - shown_s)
             writer.write(stamped, drive.path, is_clip=True, fps=fps)
             written += 1
             done(written / count)
@@ -68,7 +68,7 @@ def write_film(drive: Drive, out: Path, rate_hz: float | None, done: Callable[[f
     return written
 
 
-def drawn(drive: Drive, t_s: float, image: Image, camera: Camera, vehicle: Vehicle) -> Image:
+def draw_frame(drive: Drive, t_s: float, image: Image, camera: Camera, vehicle: Vehicle) -> Image:
     """The frame captured at ``t_s`` with what the nodes computed from it, at least 640 px wide."""
     canvas = enlarge(image)[0]
     estimates, decision = drive.estimates_from(t_s), drive.from_frame(DECISION, t_s)
@@ -113,7 +113,7 @@ def _points(line: Iterable[Iterable[float]], scale: Any) -> Any:
     return np.round(np.array(list(line), float).reshape(-1, 2) * scale * 16).astype(np.int32)
 
 
-def _stamped(canvas: Image, drive: Drive, at_s: float, age_s: float) -> Image:
+def _draw_stamp(canvas: Image, drive: Drive, at_s: float, age_s: float) -> Image:
     """A copy with the time, the speed and, where the image is old, its age."""
     state, copy = drive.newest(VEHICLE_STATE, at_s), canvas.copy()
     speed = "-" if state is None or state.speed_mps is None else f"{state.speed_mps:.1f} m/s"

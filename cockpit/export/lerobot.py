@@ -60,7 +60,7 @@ def write_lerobot(frames: Iterable[DrivenFrame], out: Path, *, rate_hz: float, t
         for frame in frames:
             films.add(frame)
             rows.append(_Row(frame.episode, frame.split, frame.t_s, frame.road_wheel_rad, frame.speed_mps))
-            pixels.append(_sampled(frame.image))
+            pixels.append(_sample_pixels(frame.image))
     finally:
         films.close()
     lengths = [len(list(group)) for _, group in groupby(rows, key=lambda row: row.episode)]
@@ -137,7 +137,7 @@ class _Films:
             self._writer = None
 
 
-def _sampled(image: Image) -> Image:
+def _sample_pixels(image: Image) -> Image:
     """Some pixels of an image, (n, 3) RGB."""
     down, right = (max(1, size // SAMPLES) for size in image.shape[:2])
     return image[::down, ::right, ::-1].reshape(-1, 3)
@@ -263,13 +263,16 @@ def _write_tasks(path: Path, task: str) -> None:
     import pyarrow as pa
     import pyarrow.parquet
 
-    def described(name: str, kind: str, stored: str) -> dict[str, Any]:
+    def describe_column(name: str, kind: str, stored: str) -> dict[str, Any]:
         return dict(name=name, field_name=name, pandas_type=kind, numpy_type=stored, metadata=None)
 
     about = {
         "index_columns": ["task"],
-        "column_indexes": [described("", "unicode", "object")],
-        "columns": [described("task_index", "int64", "int64"), described("task", "unicode", "object")],
+        "column_indexes": [describe_column("", "unicode", "object")],
+        "columns": [
+            describe_column("task_index", "int64", "int64"),
+            describe_column("task", "unicode", "object"),
+        ],
         "pandas_version": "2.0.0",
     }
     table = pa.table({"task_index": pa.array([0], pa.int64()), "task": [task]})

@@ -48,7 +48,7 @@ class Feed:
         self._add(CAMERA_COMPRESSED.key, ros_name(CAMERA_COMPRESSED.type), definition(CAMERA_COMPRESSED.type))
 
     @property
-    def watched(self) -> bool:
+    def is_watched(self) -> bool:
         """True while a viewer subscribes to a topic."""
         return any(channel.has_sinks() for channel in self._channels.values())
 
@@ -107,7 +107,7 @@ def run(me: Process) -> None:
     while me.running():
         feed.turn()
         me.count_step()
-        me.bus.wait(timeout_s=PERIOD_S if feed.watched else IDLE_S)
+        me.bus.wait(timeout_s=PERIOD_S if feed.is_watched else IDLE_S)
     feed.close()
     server.stop()
 

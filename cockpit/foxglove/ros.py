@@ -78,7 +78,7 @@ def new(name: str, **fields: Any) -> Any:
     return _STORE.types[name.replace("/", "/msg/")](**fields)
 
 
-def encoded(key: str, message: Any) -> bytes:
+def encode(key: str, message: Any) -> bytes:
     """The CDR bytes of a message of the topic ``key``."""
     return bytes(_STORE.serialize_cdr(message, TYPES[key]))
 

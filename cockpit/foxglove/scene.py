@@ -23,12 +23,12 @@ from cockpit.foxglove.shapes import (
     WHITE,
     camera_info,
     camera_transform,
+    caption,
     fear_colour,
     line,
     marker,
     note,
     points_of,
-    said,
     strip,
     transform,
 )
@@ -91,28 +91,28 @@ class Scene:
             case VehicleState():
                 self._track.add(message, self._truth, None)
             case Decision():
-                yield from self._decided(message)
+                yield from self._decision_messages(message)
 
-    def _decided(self, decision: Decision) -> Iterator[Message]:
+    def _decision_messages(self, decision: Decision) -> Iterator[Message]:
         t_s = decision.decided_s if decision.t_s is None else decision.t_s
         estimates = [one for one in self._estimates.values() if 0.0 <= t_s - one.t_s <= FRESH_S]
         lead, people = _fresh(self._lead, t_s), _fresh(self._people, t_s)
         if decision.t_s is not None:
-            yield ros.CAMERA_INFO, ros.encoded(ros.CAMERA_INFO, camera_info(self._camera, t_s))
+            yield ros.CAMERA_INFO, ros.encode(ros.CAMERA_INFO, camera_info(self._camera, t_s))
             same = [one for one in estimates if abs(t_s - one.t_s) < 1e-6]
             shapes = overlay(same, decision, lead, self._camera, self._vehicle, people)
-            yield ros.ANNOTATIONS, ros.encoded(ros.ANNOTATIONS, self._annotations(t_s, shapes, decision))
-        yield ros.TRANSFORMS, ros.encoded(ros.TRANSFORMS, self._transforms(t_s))
-        yield ros.MARKERS, ros.encoded(ros.MARKERS, self._markers(t_s, estimates, decision, lead, people))
+            yield ros.ANNOTATIONS, ros.encode(ros.ANNOTATIONS, self._annotations(t_s, shapes, decision))
+        yield ros.TRANSFORMS, ros.encode(ros.TRANSFORMS, self._transforms(t_s))
+        yield ros.MARKERS, ros.encode(ros.MARKERS, self._markers(t_s, estimates, decision, lead, people))
         if t_s - self._driven_s >= DRIVEN_PERIOD_S:
             self._driven_s = t_s
-            yield ros.DRIVEN, ros.encoded(ros.DRIVEN, self._driven(t_s))
+            yield ros.DRIVEN, ros.encode(ros.DRIVEN, self._driven_path(t_s))
 
     def _colour(self, estimator: str) -> RGB:
         return LANES[self._numbers[estimator] % len(LANES)]
 
     def _annotations(self, t_s: float, shapes: dict[str, Any], decision: Decision) -> Any:
-        lines, texts = [], [note(t_s, said(decision))]
+        lines, texts = [], [note(t_s, caption(decision))]
         if shapes["path"]:
             fear = fear_colour(decision.fear)
             lines.append(line(t_s, shapes["path"], fear, loop=True, filled=0.35))
@@ -168,7 +168,7 @@ class Scene:
         above = ros.pose(ros.point(middle_m, 0.0, 2 * HEIGHT * vehicle.track_m), UPRIGHT)
         size = (0.0, 0.0, 0.35 * vehicle.track_m)
         made.append(
-            marker(t_s, "text", 0, kind=TEXT, pose=above, size=size, colour=WHITE, text=said(decision))
+            marker(t_s, "text", 0, kind=TEXT, pose=above, size=size, colour=WHITE, text=caption(decision))
         )
         return ros.new("visualization_msgs/MarkerArray", markers=made)
 
@@ -207,7 +207,7 @@ class Scene:
                 t_s, "people_text", number, kind=TEXT, pose=above, size=size, colour=WHITE, text=text
             )
 
-    def _driven(self, t_s: float) -> Any:
+    def _driven_path(self, t_s: float) -> Any:
         top = ros.header(t_s, ROAD_FRAME)
         places = [
             ros.new("geometry_msgs/PoseStamped", header=top, pose=ros.pose(ros.point(x_m, y_m), UPRIGHT))

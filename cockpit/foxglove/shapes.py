@@ -67,7 +67,7 @@ def transform(t_s: float, parent: str, child: str, place_m: tuple[float, float, 
     )
 
 
-def said(decision: Decision) -> str:
+def caption(decision: Decision) -> str:
     """The decision in a line."""
     return f"{decision.mode}  fear {decision.fear:.2f}  {decision.cause}"
 
@@ -95,8 +95,8 @@ def note(t_s: float, text: str, at_px: Sequence[float] = (2.0 - CORNER_PX, FONT_
         position=ros.new("foxglove_msgs/Point2", x=x + CORNER_PX, y=y + CORNER_PX),
         text=text,
         font_size=FONT_PX,
-        text_color=annotated(WHITE),
-        background_color=annotated((0.1, 0.1, 0.1), 0.7),
+        text_color=annotation_colour(WHITE),
+        background_color=annotation_colour((0.1, 0.1, 0.1), 0.7),
     )
 
 
@@ -109,14 +109,14 @@ def line(
         timestamp=ros.stamp(t_s),
         type=ros.LINE_LOOP if loop else ros.LINE_STRIP,
         points=[ros.new("foxglove_msgs/Point2", x=x + CORNER_PX, y=y + CORNER_PX) for x, y in points],
-        outline_color=annotated(colour),
+        outline_color=annotation_colour(colour),
         outline_colors=[],
-        fill_color=annotated(colour, filled),
+        fill_color=annotation_colour(colour, filled),
         thickness=2.0,
     )
 
 
-def annotated(colour: RGB, alpha: float = 1.0) -> Any:
+def annotation_colour(colour: RGB, alpha: float = 1.0) -> Any:
     """A colour of an annotation."""
     red, green, blue = colour
     return ros.new("foxglove_msgs/Color", r=red, g=green, b=blue, a=alpha)

@@ -78,7 +78,7 @@ class Recall:
         """Every decision, in order."""
         return self.series[DECISION.key]
 
-    def decoded(self) -> "Recall":
+    def without_undecodable(self) -> "Recall":
         """The drive without the decisions that cannot be decoded. Raises InputError when none is left."""
         decisions = copy(self.decisions)
         _without_malformed(self.recorded, decisions, every=True)
@@ -132,7 +132,7 @@ class Recall:
         """The newest report of the vehicle when decision ``index`` was made."""
         return self._newest(VEHICLE_STATE, index)
 
-    def said(self, index: int) -> str:
+    def decision_sentence(self, index: int) -> str:
         """What the car did at decision ``index`` and why, in a sentence; by the command that followed it."""
         state, after = self.state_at(index), min(index + 1, len(self.decisions) - 1)
         driver = state is not None and bool(state.driver_override)
@@ -221,13 +221,13 @@ def of_valid(question: Callable[Concatenate[Recall, P], A]) -> Callable[Concaten
     """
 
     @wraps(question)
-    def asked(drive: Recall, *args: P.args, **options: P.kwargs) -> A:
+    def ask(drive: Recall, *args: P.args, **options: P.kwargs) -> A:
         try:
             return question(drive, *args, **options)
         except WireError:
-            return question(drive.decoded(), *args, **options)
+            return question(drive.without_undecodable(), *args, **options)
 
-    return asked
+    return ask
 
 
 def _without_malformed(

@@ -75,7 +75,7 @@ def story(drive: Recall, at_s: float) -> Story:
     if not first_s - 1e-3 <= at_s <= last_s + 1e-3:
         raise ValueError(f"the recording runs from {first_s:.1f} to {last_s:.1f} s")
     by_supervisor = _cap_falls(drive)
-    by_speed = slow_downs(_held(drive.speed_mps), _MEASURED_CLEAR * drive.cruise_mps)
+    by_speed = slow_downs(_hold_last(drive.speed_mps), _MEASURED_CLEAR * drive.cruise_mps)
     head: Story = {
         "file": str(drive.recorded.path),
         "at_s": at_s,
@@ -96,7 +96,7 @@ def story(drive: Recall, at_s: float) -> Story:
     return head | {"others_s": nearest_s} | _calm(drive, at_s)
 
 
-def _held(speed_mps: Column) -> Column:
+def _hold_last(speed_mps: Column) -> Column:
     """The last known speed where it is unknown, which is no slow-down; 0 before the first one."""
     places = np.where(np.isfinite(speed_mps), np.arange(len(speed_mps)), -1)
     last = np.maximum.accumulate(places)
@@ -132,7 +132,7 @@ def _moment(drive: Recall, index: int) -> Story:
         **_fields(decision, "mode", "stop", "fear", "level", "cause", "part", "speed_cap_mps", "waits_for"),
         **_fields(decision, "road_user", "road_user_m"),
         "limited_by": decision.limited_by,
-        "said": drive.said(index),
+        "said": drive.decision_sentence(index),
         "rules": _rules(drive, decision),
         "inputs": _inputs(drive, decision),
         "repeats": drive.repeats(index),
@@ -160,19 +160,19 @@ def _calm(drive: Recall, at_s: float) -> Story:
         **_moment(drive, index),
         "decision_age_s": round(at_s - float(drive.t_s[index]), 3),
         "cruise_mps": drive.cruise_mps,
-        "speed_mps": _known(drive.speed_mps[index]),
+        "speed_mps": _known_or_none(drive.speed_mps[index]),
         "next_level": next_level(by, fear),
-        "raised_by": _raised_by(by, values) if values else None,
+        "raised_by": _raising_inputs(by, values) if values else None,
         "timeline": _timeline(drive, at_s - BEFORE_S, index),
     }
 
 
-def _raised_by(by: FearRules, values: Values) -> list[Story]:
+def _raising_inputs(by: FearRules, values: Values) -> list[Story]:
     """The inputs that alone would raise fear, with their value and the one from which they do."""
     return [
         {
             "name": name,
-            "value": _known(values[name]),
+            "value": _known_or_none(values[name]),
             "from": worse,
             **_fields(by.inputs[name], "unit", "meaning"),
             "cause": cause,
@@ -181,7 +181,7 @@ def _raised_by(by: FearRules, values: Values) -> list[Story]:
     ]
 
 
-def _explained(drive: Recall, slow: SlowDown, index: int) -> Story:
+def _explain(drive: Recall, slow: SlowDown, index: int) -> Story:
     """The slow-down with the decision that explains it."""
     begun_s = float(drive.t_s[slow.before])
     return {
@@ -197,7 +197,7 @@ def _by_supervisor(drive: Recall, slow: SlowDown, at_s: float) -> Story:
     if drive.t_s[slow.lowest] < at_s and (at_s <= drive.t_s[slow.end] or not slow.is_over):
         last = min(drive.index_at(at_s + AROUND_S), slow.end)
         index = _greatest_fear(drive, range(drive.index_at(at_s - AROUND_S), last + 1))
-    return {**_explained(drive, slow, index), "end": _end(drive, slow, index)}
+    return {**_explain(drive, slow, index), "end": _end(drive, slow, index)}
 
 
 def _by_controller(drive: Recall, slow: SlowDown) -> Story:
@@ -206,8 +206,8 @@ def _by_controller(drive: Recall, slow: SlowDown) -> Story:
     index = min(span, key=lambda i: float(np.nan_to_num(drive.accel_mps2[i])))
     state = drive.state_at(index)
     return {
-        **_explained(drive, slow, index),
-        "commanded_accel_mps2": _known(drive.accel_mps2[index]),
+        **_explain(drive, slow, index),
+        "commanded_accel_mps2": _known_or_none(drive.accel_mps2[index]),
         "driver_override": bool(state and state.driver_override),
         "sharpest_curvature_1pm": max(abs(drive.decisions[i].curvature_1pm or 0.0) for i in span),
     }
@@ -234,7 +234,7 @@ def _course(drive: Recall, slow: SlowDown) -> Story:
         "until_s": _at(drive, slow.end) if slow.is_over else None,
         "cap_before_mps": float(drive.cap_mps[slow.before]),
         "cap_lowest_mps": float(drive.cap_mps[slow.lowest]),
-        "speed_before_mps": _known(drive.speed_mps[slow.before]),
+        "speed_before_mps": _known_or_none(drive.speed_mps[slow.before]),
         "speed_lowest_mps": None if np.isnan(speeds).all() else float(np.nanmin(speeds)),
     }
 
@@ -258,12 +258,12 @@ def _inputs(drive: Recall, decision: Decision) -> list[Story]:
     by = drive.rules_of(decision)
     about = {rule.text: rule.inputs for rule in by.rules if rule.harm > 0}
     named = [name for text in decision.rules for name in by.inputs if name in about.get(text, ())]
-    named += [name for name, value in values.items() if _known(value) is None]
+    named += [name for name, value in values.items() if _known_or_none(value) is None]
     degrees = by.memberships(values)
     return [
         {
             "name": name,
-            "value": _known(values.get(name)),
+            "value": _known_or_none(values.get(name)),
             **_fields(by.inputs[name], "unit", "meaning"),
             "sets": {level: degree for level, degree in degrees[name].items() if degree > 0},
         }
@@ -339,10 +339,10 @@ def _end(drive: Recall, slow: SlowDown, worst: int) -> Story:
                 "name": item["name"],
                 "unit": item["unit"],
                 "was": item["value"],
-                "is": _known(now.get(item["name"])),
+                "is": _known_or_none(now.get(item["name"])),
             }
             for item in _inputs(drive, drive.decisions[worst])
-            if item["value"] != _known(now.get(item["name"]))
+            if item["value"] != _known_or_none(now.get(item["name"]))
         ],
     }
 
@@ -351,6 +351,6 @@ def _at(drive: Recall, index: int) -> float:
     return round(float(drive.t_s[index]), 3)
 
 
-def _known(value: float | None) -> float | None:
+def _known_or_none(value: float | None) -> float | None:
     """``value``, or None where it is missing or not finite (null in JSON)."""
     return float(value) if value is not None and math.isfinite(value) else None

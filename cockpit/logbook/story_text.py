@@ -56,9 +56,9 @@ def _calm(story: Story) -> Iterator[str]:
     speed = "unknown" if story["speed_mps"] is None else f"{story['speed_mps']:.1f} m/s"
     yield (
         f"At {story['moment_s']:.2f} s: mode {story['mode']}, fear {story['fear']:.2f} ({story['level']}),"
-        f" {_cause(story)}; speed {speed}, {_allowed(story)}."
+        f" {_cause(story)}; speed {speed}, {_cap_words(story)}."
     )
-    yield _said(story)
+    yield _shown_words(story)
     yield _sight(story)
     yield from _rules(story, story["rules"])
     yield from _rise(story)
@@ -66,7 +66,7 @@ def _calm(story: Story) -> Iterator[str]:
     yield from _timeline(story)
 
 
-def _said(story: Story) -> str:
+def _shown_words(story: Story) -> str:
     """What page and terminal showed at the moment."""
     return f"The car said: {story['said']}."
 
@@ -84,7 +84,7 @@ def _cause(moment: Story) -> str:
     return "no cause" if moment["cause"] == "none" else f"cause {concerning(moment['cause'], moment['part'])}"
 
 
-def _allowed(story: Story) -> str:
+def _cap_words(story: Story) -> str:
     cap = f"{story['speed_cap_mps']:.1f} m/s"
     match story["limited_by"]:
         case "stop":
@@ -124,7 +124,7 @@ def _rise(story: Story) -> Iterator[str]:
 def _by_supervisor(story: Story) -> Iterator[str]:
     yield _course(story)
     yield _reason(story)
-    yield _said(story)
+    yield _shown_words(story)
     yield _sight(story)
     yield from _rules(story, [rule for rule in story["rules"] if rule["adds"] > 0])
     yield from _estimates(story)

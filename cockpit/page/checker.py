@@ -68,7 +68,7 @@ class Checker:
             self._process.communicate()
 
 
-def checked(file: Path) -> dict[str, Any]:
+def check_file(file: Path) -> dict[str, Any]:
     """``ok`` and the lines that ``trepid fear check FILE`` prints, errors first."""
     import typer
 
@@ -87,9 +87,9 @@ def checked(file: Path) -> dict[str, Any]:
 
 def main() -> None:
     """Check a file for every line of the standard input."""
-    checked(CONFIG_DIR / "fear.yaml")  # loads what a check needs
+    check_file(CONFIG_DIR / "fear.yaml")  # loads what a check needs
     for line in sys.stdin:
-        print(json.dumps(checked(Path(json.loads(line)["file"]))), flush=True)
+        print(json.dumps(check_file(Path(json.loads(line)["file"]))), flush=True)
 
 
 if __name__ == "__main__":

@@ -141,7 +141,7 @@ class Feed:
             _take(watched, self.estimates[name])
         picture = self._pictures.take()
         if picture is not None:
-            self.picture = _compressed(picture) if isinstance(picture, Frame) else picture
+            self.picture = _compress(picture) if isinstance(picture, Frame) else picture
 
     @property
     def decision(self) -> Decision | None:
@@ -160,7 +160,7 @@ def _take(watched: WatchedTopic[M], into: deque[M]) -> None:
         into.append(message)
 
 
-def _compressed(frame: Frame) -> CompressedFrame:
+def _compress(frame: Frame) -> CompressedFrame:
     from trepid.images.jpeg import encode_jpeg  # a camera that publishes JPEG needs no encoder here
 
     return encode_jpeg(frame)

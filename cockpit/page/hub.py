@@ -76,7 +76,7 @@ class Hub:
         now_s, looking = self._clock(), any(viewer.looks for viewer in self.viewers)
         self._feed.look(looking)
         self._feed.poll()
-        pause_s = self._looked(now_s) if looking else self._glimpsed(now_s)
+        pause_s = self._look(now_s) if looking else self._glimpse(now_s)
         self._stop.turn(self._view.hold(now_s))
         if self._feed.picture is not None:
             self._picture, self._feed.picture = (self._feed.picture, now_s), None
@@ -84,12 +84,12 @@ class Hub:
             self._send(now_s)
         return min(pause_s, REPEAT_S) if self._stop.waiting else pause_s
 
-    def _looked(self, now_s: float) -> float:
+    def _look(self, now_s: float) -> float:
         """Sample for a viewer; the time until the next turn [s]."""
         self._view.sample(now_s)
         return LOOKING_PERIOD_S
 
-    def _glimpsed(self, now_s: float) -> float:
+    def _glimpse(self, now_s: float) -> float:
         """Without a viewer: begin a glimpse that is due, or sample and end it; the time until the next turn [s]."""
         if self._feed.glimpsing:
             self._view.sample(now_s)
@@ -106,21 +106,21 @@ class Hub:
         if self._picture is None:
             return now_s - self._sent_s >= UPDATE_S
         picture, arrived_s = self._picture
-        decision = self._view.decided(picture)
+        decision = self._view.decision_of(picture)
         complete = decision is not None and decision.t_s == picture.t_s
         return complete or now_s - arrived_s >= DECISION_S
 
     def _send(self, now_s: float) -> None:
         state, jpeg = self._view.state(now_s), b""
-        state |= {"stopping": self._stop.pending, "stop_undelivered": self._stop.undelivered}
+        state |= {"stopping": self._stop.pending, "stop_undelivered": self._stop.is_undelivered}
         if self._picture is not None:
             picture, _ = self._picture
             jpeg, self._picture = picture.jpeg, None
             age_ms = round(1e3 * (now_s - picture.t_s), 1)
-            state["picture"] = {"t": picture.t_s, "age_ms": age_ms, **self._view.drawn(picture)}
+            state["picture"] = {"t": picture.t_s, "age_ms": age_ms, **self._view.overlay_of(picture)}
         for viewer in self.viewers:
             if viewer.ready:
-                viewer.next = packed({**state, **self._further(viewer)}, jpeg)
+                viewer.next = pack_state({**state, **self._further(viewer)}, jpeg)
                 viewer.ready = False
                 viewer.arrived.set()
         self._sent_s = now_s
@@ -138,7 +138,7 @@ class Hub:
         return found
 
 
-def packed(state: dict[str, Any], jpeg: bytes) -> bytes:
+def pack_state(state: dict[str, Any], jpeg: bytes) -> bytes:
     """Length of the JSON, the JSON, the JPEG; a number that is not finite is null, as one that is absent."""
     text = json.dumps(_finite(state), separators=(",", ":"), allow_nan=False).encode()
     return HEADER.pack(len(text)) + text + jpeg

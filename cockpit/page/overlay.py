@@ -61,7 +61,7 @@ def lane_px(estimate: SteeringEstimate, camera: Camera, vehicle: Vehicle) -> dic
             tuple(map(tuple, camera.pixel_from_road(np.column_stack([x_m, y_m + side * half_m])).tolist()))
             for side in (1, -1)
         )
-    return {"left": _rounded(left), "right": _rounded(right), "confidence": round(estimate.confidence, 2)}
+    return {"left": _round(left), "right": _round(right), "confidence": round(estimate.confidence, 2)}
 
 
 def _ahead_m(camera: Camera, lookahead_m: float) -> Array:
@@ -84,7 +84,7 @@ def path_px(decision: Decision, camera: Camera, vehicle: Vehicle) -> list[list[f
     outline = np.concatenate([left, right[::-1]])
     if not np.isfinite(outline).all():
         return None
-    return _rounded(outline.tolist())
+    return _round(outline.tolist())
 
 
 def lead_px(lead: LeadVehicle, camera: Camera, vehicle: Vehicle) -> Box | None:
@@ -143,6 +143,6 @@ def people_px(road_users: RoadUsers, camera: Camera, vehicle: Vehicle) -> list[d
     return sorted(found, key=lambda one: -one["distance"])
 
 
-def _rounded(points: Iterable[Sequence[float]]) -> list[list[float]]:
+def _round(points: Iterable[Sequence[float]]) -> list[list[float]]:
     """``points`` without those that are not finite."""
     return [[round(value, 1) for value in point] for point in points if all(map(math.isfinite, point))]

@@ -30,10 +30,10 @@ class RuleDesk:
         """Path, text, its hash, and why no edit is kept ("" when it is). Raises InputError."""
         self._checker.start()  # so that the first check finds it ready
         text = read_text(self.path)
-        return {"path": str(self.path), "text": text, "sha256": _sha256(text), "fixed": self.fixed}
+        return {"path": str(self.path), "text": text, "sha256": _sha256(text), "fixed": self.fixed_reason}
 
     @property
-    def fixed(self) -> str:
+    def fixed_reason(self) -> str:
         """Why the page does not replace the file; "" when it does."""
         car = car_folder()
         if car is not None and car not in self._edited.parents:
@@ -78,8 +78,8 @@ class RuleDesk:
         The file is replaced whole; a reader gets the old text or the new one. Raises Conflict when the file in use
         has changed meanwhile, InputError when the new one cannot be written.
         """
-        if self.fixed:
-            raise InputError(self.fixed)
+        if self.fixed_reason:
+            raise InputError(self.fixed_reason)
         verdict = self.check(text)
         if not verdict["ok"]:
             return verdict
@@ -99,10 +99,10 @@ class RuleDesk:
 
 
 def _verdict(ok: bool, lines: list[str]) -> dict[str, Any]:
-    return {"ok": ok, "lines": [_placed(line) for line in lines if line.strip()]}
+    return {"ok": ok, "lines": [_place_line(line) for line in lines if line.strip()]}
 
 
-def _placed(line: str) -> dict[str, Any]:
+def _place_line(line: str) -> dict[str, Any]:
     found = PLACED.match(line)
     if found is None:
         return {"line": None, "column": None, "text": line}

@@ -117,12 +117,12 @@ class PageServer:
                 Route("/", self._index),
                 Mount("/static", StaticFiles(directory=STATIC)),
                 WebSocketRoute("/stream", self._stream),
-                Route("/stop", self._guarded(self._press), methods=["POST"]),
-                Route("/keep", self._guarded(self._keep), methods=["POST"]),
-                Route("/rules", self._guarded(self._rules)),
-                Route("/rules/sets", self._guarded(self._sets)),
-                Route("/rules/check", self._guarded(self._check), methods=["POST"]),
-                Route("/rules/apply", self._guarded(self._apply), methods=["POST"]),
+                Route("/stop", self._guard(self._press), methods=["POST"]),
+                Route("/keep", self._guard(self._keep), methods=["POST"]),
+                Route("/rules", self._guard(self._rules)),
+                Route("/rules/sets", self._guard(self._sets)),
+                Route("/rules/check", self._guard(self._check), methods=["POST"]),
+                Route("/rules/apply", self._guard(self._apply), methods=["POST"]),
             ],
             middleware=[Middleware(Headers)],
         )
@@ -142,10 +142,10 @@ class PageServer:
     def _may(self, token: object) -> bool:
         return isinstance(token, str) and secrets.compare_digest(token.encode(), self._door.token.encode())
 
-    def _guarded(self, act: Acts) -> Acts:
+    def _guard(self, act: Acts) -> Acts:
         """``act`` for those with the token; an InputError becomes a line of text."""
 
-        async def guarded(request: Request) -> Response:
+        async def guard(request: Request) -> Response:
             try:
                 if not self._from_here(request):
                     raise Refusal(403, "this request comes from another page")
@@ -159,12 +159,12 @@ class PageServer:
             except InputError as error:
                 return JSONResponse({"error": str(error)}, 422)
 
-        return guarded
+        return guard
 
     async def _stream(self, socket: WebSocket) -> None:
         """Send the newest state whenever the viewer has drawn the last one."""
         await socket.accept()
-        code = await self._greeted(socket)
+        code = await self._greet(socket)
         if code:
             await socket.close(code)
             return
@@ -190,7 +190,7 @@ class PageServer:
             with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it has just been closed
                 await socket.close(DRIVE_ENDED)
 
-    async def _greeted(self, socket: WebSocket) -> int:
+    async def _greet(self, socket: WebSocket) -> int:
         """The code that ends the stream of a viewer without the token; 0 for one with it."""
         if not self._from_here(socket):
             return WRONG_ORIGIN

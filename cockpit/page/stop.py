@@ -56,7 +56,7 @@ class StopSender:
         return self._wanted is True
 
     @property
-    def undelivered(self) -> bool:
+    def is_undelivered(self) -> bool:
         """A stop is pending for so long that the vehicle process has probably not received it."""
         return self.pending and self._clock() - self._pressed_s > UNDELIVERED_S
 

@@ -103,21 +103,21 @@ class PageView:
             return None
         return Hold(beat.t_s, beat.message.startswith(STOPPED))
 
-    def drawn(self, picture: CompressedFrame) -> dict[str, Any]:
+    def overlay_of(self, picture: CompressedFrame) -> dict[str, Any]:
         """The overlay of ``picture``: by the estimates and the decision of its frame, or the last ones before."""
         feed = self._feed
         estimates = (_at(list(of_one), picture.t_s) for of_one in feed.estimates.values())
         lead, road_users = feed.lead.refresh(), feed.road_users.refresh()
         return overlay(
             [estimate for estimate in estimates if estimate is not None],
-            self.decided(picture),
+            self.decision_of(picture),
             lead if lead is not None and abs(picture.t_s - lead.t_s) <= FRESH_S else None,
             self._camera,
             self._vehicle,
             road_users if road_users and abs(picture.t_s - road_users.t_s) <= FRESH_S else None,
         )
 
-    def decided(self, picture: CompressedFrame) -> Decision | None:
+    def decision_of(self, picture: CompressedFrame) -> Decision | None:
         """The decision on the frame of ``picture``, or the last one before."""
         decisions = [one for one in self._feed.decisions if one.t_s is not None]
         return max(

@@ -23,7 +23,7 @@ from trepid.config import ROOT, InputError
 
 
 @contextmanager
-def estimated_ahead(path: Path, names: Collection[str], networks: Sequence[str]) -> Iterator[Iterator[Any]]:
+def estimate_ahead(path: Path, names: Collection[str], networks: Sequence[str]) -> Iterator[Iterator[Any]]:
     """The output of each step of the estimators ``names``, which begin to run at once.
 
     None: the image of the step was not recorded. The iterator raises InputError when an estimator cannot be built,
@@ -38,12 +38,12 @@ def estimated_ahead(path: Path, names: Collection[str], networks: Sequence[str])
         [*words, *files], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, start_new_session=True
     ) as process:  # of its own session: a keyboard interrupt ends the starter, and the starter ends it
         try:
-            yield _received(process)
+            yield _receive_outputs(process)
         finally:
             process.kill()
 
 
-def _received(process: "subprocess.Popen[bytes]") -> Iterator[Any]:
+def _receive_outputs(process: "subprocess.Popen[bytes]") -> Iterator[Any]:
     assert process.stdout is not None
     while True:
         try:

@@ -130,7 +130,7 @@ def estimators_of(tape: Tape) -> tuple[str, ...]:
     return tuple(noted.split(",")) if noted else tuple(recorded)
 
 
-def chosen(
+def choose_nodes(
     nodes: Mapping[str, Node], through: Collection[str], tape: Tape, missing: Mapping[str, str]
 ) -> tuple[list[Node], dict[str, str]]:
     """The nodes to run again, and the others of ``all`` with the reason.

@@ -43,7 +43,7 @@ class Player:
             if node.name in names:
                 yield self._output(node, step)
 
-    def recorded(self) -> dict[str, dict[float, Any]]:
+    def replaced_messages(self) -> dict[str, dict[float, Any]]:
         """Key of a topic -> recorded time of each message that is replaced -> the new one, as it is recorded."""
         recorded, track = self._tape.times.in_recorded_time, self._tape.track
         return {

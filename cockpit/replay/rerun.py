@@ -19,9 +19,9 @@ from typing import Any
 
 import cv2
 
-from cockpit.replay.ahead import estimated_ahead, estimators_among
+from cockpit.replay.ahead import estimate_ahead, estimators_among
 from cockpit.replay.difference import Comparison, Difference
-from cockpit.replay.nodes import Node, chosen, nodes_of, settings_of
+from cockpit.replay.nodes import Node, choose_nodes, nodes_of, settings_of
 from cockpit.replay.player import Player
 from cockpit.replay.tape import Tape
 from trepid.clock import seconds
@@ -101,16 +101,20 @@ def rerun(
     with ExitStack() as used:
         tape = Tape(path)
         setup = used.enter_context(settings_of(tape, rules, networks))
-        picked, left_out = chosen(nodes_of(tape, setup), through, tape, setup.missing)
+        picked, left_out = choose_nodes(nodes_of(tape, setup), through, tape, setup.missing)
         if not picked:
             raise InputError(f"{path}: {'; '.join(f'{name}: {why}' for name, why in left_out.items())}")
         estimators = estimators_among(picked)
-        ahead = used.enter_context(estimated_ahead(path, estimators, networks))
+        ahead = used.enter_context(estimate_ahead(path, estimators, networks))
         player = Player(tape, picked)
         player.run(ahead, estimators)
         if out is not None:
             copy_recording(
-                path, out, player.recorded(), notes=_notes(picked, path), rules=setup.rules.read_bytes()
+                path,
+                out,
+                player.replaced_messages(),
+                notes=_notes(picked, path),
+                rules=setup.rules.read_bytes(),
             )
     return Rerun(
         topics=player.compared,

@@ -42,12 +42,12 @@ class Schedule:
 def schedule(node: Node, tape: Tape) -> Schedule:
     """The steps of ``node``."""
     if tape.reports(node.output.key):
-        return _reported(node, tape)
+        return _schedule_by_reports(node, tape)
     doubt = "" if tape.is_lockstep else "the recording does not state the inputs of the steps"
     return Schedule(list(_by_times(node, tape)), doubt)
 
 
-def _reported(node: Node, tape: Tape) -> Schedule:
+def _schedule_by_reports(node: Node, tape: Tape) -> Schedule:
     """The steps by the reports of a live drive."""
     outputs = tape.track(node.output.key).published_s
     begun = [s for report in tape.reports(node.output.key) for s in report.began_s]
@@ -65,7 +65,7 @@ def _reported(node: Node, tape: Tape) -> Schedule:
                 read_s = report.read_s[place]
                 if key == CAMERA_IMAGE.key:
                     continue
-                reads[key] = None if read_s is None else tape.track(key).published(read_s)
+                reads[key] = None if read_s is None else tape.track(key).index_published_at(read_s)
                 if read_s is None:
                     continue
                 sent_s[key] = read_s

@@ -46,7 +46,7 @@ class TopicTape:
         self.published_s = [times.node_s(at_s) for at_s, _ in recorded]
         self.messages = list(map(times.of_node, self.recorded))
 
-    def published(self, at_s: float) -> int | None:
+    def index_published_at(self, at_s: float) -> int | None:
         """Place of the message that was published at ``at_s``; None when it was not recorded."""
         place = bisect_left(self.published_s, at_s)
         found = place < len(self.published_s) and self.published_s[place] - at_s < HANDED_OVER_S

@@ -74,9 +74,9 @@ class _Reader:
         self.known |= {name.lower() for part in declared for name in _names(part)}
         for block in blocks:
             for part in block.iter_subtrees():
-                part.children = [self.spelled(child) for child in part.children]
+                part.children = [self.spell_name(child) for child in part.children]
 
-    def spelled(self, child: Any) -> Any:
+    def spell_name(self, child: Any) -> Any:
         is_known = isinstance(child, Token) and child.type == "NAME" and child.lower() in self.known
         return child.update(value=child.lower()) if is_known else child
 

@@ -48,11 +48,11 @@ def show_surface(
 def _set_table(spec: Input) -> Table:
     table = Table(box=None, show_header=False, padding=(0, 1))
     for level in LEVELS:
-        table.add_row(f"  {level}", _curve(spec.shapes[level], *shown_range(spec)), _stated(spec, level))
+        table.add_row(f"  {level}", _curve(spec.shapes[level], *shown_range(spec)), _set_text(spec, level))
     return table
 
 
-def _stated(spec: Input, level: str) -> str:
+def _set_text(spec: Input, level: str) -> str:
     """A set as the file states it: its points, or its function with the parameters."""
     stated = getattr(spec.sets, level)
     if isinstance(stated, tuple):

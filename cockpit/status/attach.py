@@ -46,10 +46,10 @@ def report_of(drive: Running, *, patience_s: float = PATIENCE_S) -> Diagnostic |
 def states(report: Diagnostic) -> list[State]:
     """The processes of a report, in the order of the drive."""
     rows = [json.loads(value) for name, value in report.values if name.startswith(PROCESS)]
-    return [_judged(row) for row in rows]
+    return [_judge_row(row) for row in rows]
 
 
-def _judged(row: dict[str, Any]) -> State:
+def _judge_row(row: dict[str, Any]) -> State:
     """``row`` without the fields that only judge it, and its problem."""
     health, beats = row.pop("health"), row.pop("heartbeat")
     problem = ""

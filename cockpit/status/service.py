@@ -63,9 +63,9 @@ def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
         car=car,
         install=install,
         name=folder.name,
-        root=_quoted(str(ROOT)),
-        folder=_quoted(str(folder)),
-        command=_quoted(
+        root=_quote(str(ROOT)),
+        folder=_quote(str(folder)),
+        command=_quote(
             shlex.join([sys.executable, "-m", "trepid", "drive", "--car", str(folder), "--no-dashboard"])
         ),
         account="" if user else f"User={getpass.getuser()}\n",
@@ -83,6 +83,6 @@ def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
     return [path]
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     """Text in a unit: percent signs begin specifiers there."""
     return text.replace("%", "%%")

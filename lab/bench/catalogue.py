@@ -194,7 +194,7 @@ LONG = {"control-limits", "control-random", "fear-severity"}
 GROUPS = ("control", "fear", "follow", "study")
 
 
-def named(name: str) -> list[str]:
+def names_of(name: str) -> list[str]:
     """Benchmarks that ``name`` stands for: itself, or the members of a group such as ``control`` without LONG."""
     if name in GROUPS:
         return [known for known in BENCHMARKS if known.startswith(f"{name}-") and known not in LONG]

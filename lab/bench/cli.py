@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from lab.bench.catalogue import BENCHMARKS, BY_DEFAULT, GROUPS, function, named
+from lab.bench.catalogue import BENCHMARKS, BY_DEFAULT, GROUPS, function, names_of
 from lab.bench.results import Result, check_folder, machine, save
 from lab.bench.text import brief, tables
 from sim_harness.lockstep.closed_loop import check_configuration
@@ -118,10 +118,14 @@ def bench(
     if seed is None:
         seed = CONTINUED_SEED if any(BENCHMARKS[name].continued for name in wanted) else secrets.randbits(32)
     options: dict[str, Any] = dict(
-        estimators=_listed(estimators), parts=_listed(parts), data=data, out=out, sets=_listed(sets)
+        estimators=_split_names(estimators),
+        parts=_split_names(parts),
+        data=data,
+        out=out,
+        sets=_split_names(sets),
     )
     options |= dict(quick=quick, repeats=repeats, jobs=jobs, keep_frames=keep_frames)
-    options |= dict(count=count, duration=duration, wires=_listed(wires), faults=_listed(faults))
+    options |= dict(count=count, duration=duration, wires=_split_names(wires), faults=_split_names(faults))
     taken = taken_options(wanted, {name: value for name, value in options.items() if value}, seed)
     check_configuration(list_scenarios())
     of_run = machine() | {"seed": seed}
@@ -141,7 +145,7 @@ def benchmarks(names: Sequence[str]) -> list[str]:
         if name not in BENCHMARKS and name not in GROUPS:
             hint = did_you_mean_or_list(name, (*BENCHMARKS, *GROUPS), "trepid bench --list")
             raise InputError(f"no benchmark {name!r}; {hint}")
-    return [member for name in names for member in named(name)]
+    return [member for name in names for member in names_of(name)]
 
 
 def run(name: str, options: dict[str, Any], folder: Path | None) -> Any:
@@ -176,6 +180,6 @@ def taken_options(wanted: list[str], given: Mapping[str, Any], seed: int) -> dic
     }
 
 
-def _listed(text: str) -> tuple[str, ...]:
+def _split_names(text: str) -> tuple[str, ...]:
     """The names in a list separated by commas."""
     return tuple(part.strip() for part in text.split(",") if part.strip())

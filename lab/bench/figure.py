@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lab.bench.text import Row, columns_of, grids, shown
+from lab.bench.text import Row, columns_of, grids, value_text
 from trepid.images.figure_style import BLUE, bare, new_figure, save
 
 MAX_PANELS, MAX_BARS = 4, 32
@@ -48,7 +48,7 @@ def draw(measured: Mapping[str, Any], path: Path, *, values: str = "") -> None:
         found = _numbers(rows, column)
         lengths = [found.get(name, math.nan) for name in names]
         bars = panel.barh(names, lengths, color=BLUE)
-        panel.bar_label(bars, [shown(found.get(name)) for name in names], padding=2, fontsize=7)
+        panel.bar_label(bars, [value_text(found.get(name)) for name in names], padding=2, fontsize=7)
         panel.margins(x=0.25)
         least = min(found.values())
         if least > 0 and max(found.values()) > LOGARITHMIC_FROM * least:

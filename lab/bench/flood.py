@@ -33,10 +33,15 @@ SENDER = {"mode": "peer", "scouting/gossip/enabled": True, "listen/endpoints": [
 
 def bench_security_flood(seed: int) -> dict[str, Any]:
     """For a drive without keys and one with keys: rate of the flood, departures, greatest growth of a process."""
-    return {"flood": {"without keys": flooded(seed, keys=False), "with keys": flooded(seed, keys=True)}}
+    return {
+        "flood": {
+            "without keys": drive_in_flood(seed, keys=False),
+            "with keys": drive_in_flood(seed, keys=True),
+        }
+    }
 
 
-def flooded(seed: int, *, keys: bool) -> dict[str, Any]:
+def drive_in_flood(seed: int, *, keys: bool) -> dict[str, Any]:
     """One drive on the circuit under the flood."""
     endpoint = free_endpoint()
     with tempfile.TemporaryDirectory() as folder:

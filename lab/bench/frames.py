@@ -36,7 +36,7 @@ def bench_estimators() -> dict[str, Any]:
     lane: SteeringEstimate | None = None  # of the frame before, by the first estimator
     times_s: dict[str, list[float]] = {}
     for frame, state, part, _ in lap():
-        time_s = timed(judge.step, frame, lane, state, now_s=frame.t_s)
+        time_s = time_call(judge.step, frame, lane, state, now_s=frame.t_s)
         times_s.setdefault("image_statistics", []).append(time_s)
         lanes: list[SteeringEstimate] = []
         for name, estimator in estimators.items():
@@ -46,7 +46,7 @@ def bench_estimators() -> dict[str, Any]:
             for row in (name, f"{name}, {part}") if part == UNMARKED else (name,):
                 times_s.setdefault(row, []).append(time_s)
         lane = lanes[0]
-        times_s.setdefault("bare_canny_chain", []).append(timed(bare_canny_chain, frame.image))
+        times_s.setdefault("bare_canny_chain", []).append(time_call(bare_canny_chain, frame.image))
     peer_s = float(np.median(times_s["bare_canny_chain"]))
     return {
         name: {**summary_ms(times), "ratio_to_bare_chain": round(float(np.median(times)) / peer_s, 2)}
@@ -132,7 +132,7 @@ def summary_ms(times_s: list[float]) -> dict[str, float]:
     return {"median_ms": round(float(p50), 3), "p99_ms": round(float(p99), 3)}
 
 
-def timed(call: Callable[..., object], *args: object, **kwargs: object) -> float:
+def time_call(call: Callable[..., object], *args: object, **kwargs: object) -> float:
     """Wall-clock time of one call [s]."""
     started_s = time.perf_counter()
     call(*args, **kwargs)

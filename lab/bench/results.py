@@ -21,7 +21,7 @@ from typing import Any, Self
 from lab.bench.catalogue import BENCHMARKS, drawing
 from lab.bench.figure import draw
 from lab.bench.readme import write_table
-from lab.bench.text import columns_of, grids, markdown, shown, singles, turned
+from lab.bench.text import columns_of, exchange_axes, grids, markdown_table, singles, value_text
 from trepid.config import ROOT, InputError
 
 MAX_COLUMNS = 9  # a wider table is turned
@@ -99,7 +99,7 @@ def save(result: Result, folder: Path) -> None:
         text = json.dumps(asdict(result), indent=1, ensure_ascii=False)
         (folder / f"{result.name}.json").write_text(text + "\n", encoding="utf-8")
         _draw(result, folder)
-        (folder / PAGE).write_text(page(stored(folder), folder), encoding="utf-8")
+        (folder / PAGE).write_text(page(stored_results(folder), folder), encoding="utf-8")
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from error
 
@@ -112,7 +112,7 @@ def _draw(result: Result, folder: Path) -> None:
         draw(result.measured, folder / f"{result.name}.png", values=benchmark.values)
 
 
-def stored(folder: Path) -> dict[str, Result]:
+def stored_results(folder: Path) -> dict[str, Result]:
     """The results in ``folder`` by name, in the order of the catalogue."""
     paths = {name: folder / f"{name}.json" for name in BENCHMARKS}
     return {name: Result.load(path) for name, path in paths.items() if path.is_file()}
@@ -125,7 +125,7 @@ def page(results: Mapping[str, Result], folder: Path) -> str:
         for name, result in results.items()
     ]
     parts = ["# Measured results", NOTE]
-    parts.append(markdown(("benchmark", "what it measures", "date", "commit"), rows))
+    parts.append(markdown_table(("benchmark", "what it measures", "date", "commit"), rows))
     missing = [name for name in BENCHMARKS if name not in results]
     if missing:
         parts.append(f"Without a stored result: {', '.join(f'`{name}`' for name in missing)}.")
@@ -136,7 +136,9 @@ def page(results: Mapping[str, Result], folder: Path) -> str:
 def section(result: Result, folder: Path) -> str:
     """The section of a result in Markdown: provenance, figure if the folder has one, tables."""
     parts = [f"## {result.name}", _sentence(result.name)]
-    machine = "; ".join(f"{name.replace('_', ' ')} {shown(value)}" for name, value in result.machine.items())
+    machine = "; ".join(
+        f"{name.replace('_', ' ')} {value_text(value)}" for name, value in result.machine.items()
+    )
     parts.append(f"`{result.command}`, {result.date}, commit {result.commit}; {machine}.")
     if (folder / f"{result.name}.png").is_file():
         parts.append(f"![{BENCHMARKS[result.name].summary}]({result.name}.png)")
@@ -151,13 +153,17 @@ def _sentence(name: str) -> str:
 def _tables(measured: Mapping[str, Any]) -> Iterator[str]:
     alone = singles(measured)
     if alone:
-        yield markdown(("measure", "value"), [(name, shown(value)) for name, value in alone.items()])
+        yield markdown_table(
+            ("measure", "value"), [(name, value_text(value)) for name, value in alone.items()]
+        )
     for title, rows in grids(measured):
         if title:
             yield f"**{title}**"  # no heading: its anchor could be that of a benchmark
-        table = turned(rows) if len(rows) < len(columns_of(rows)) > MAX_COLUMNS else rows
+        table = exchange_axes(rows) if len(rows) < len(columns_of(rows)) > MAX_COLUMNS else rows
         columns = columns_of(table)
-        yield markdown(("", *columns), [(n, *(shown(r.get(c)) for c in columns)) for n, r in table.items()])
+        yield markdown_table(
+            ("", *columns), [(n, *(value_text(r.get(c)) for c in columns)) for n, r in table.items()]
+        )
 
 
 def _commit() -> str:
@@ -180,7 +186,7 @@ def write_page(folder: Path) -> None:
     Raises InputError for :func:`check_folder`.
     """
     check_folder(folder)
-    results = stored(folder)
+    results = stored_results(folder)
     for result in results.values():
         _draw(result, folder)
     (folder / PAGE).write_text(page(results, folder), encoding="utf-8")

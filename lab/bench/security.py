@@ -50,11 +50,11 @@ def bench_security(seed: int, *, messages: int = 10_000) -> dict[str, Any]:
     rng = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         drive = stack.enter_context(secured_drive(Path(folder)))
-        attacks = [*foreign(drive), *wrong_roles(drive), *broken(drive, rng)]
+        attacks = [*foreign(drive), *wrong_roles(drive), *broken_messages(drive, rng)]
         share = -(-messages // len(attacks))
         rows = {attack.name: attack.run(drive, share) for attack in attacks}
     with open_drive() as drive:
-        control = forged(drive, "no keys at all (for comparison)", {}).run(drive, share)
+        control = forge_messages(drive, "no keys at all (for comparison)", {}).run(drive, share)
     total = {key: sum(row[key] for row in rows.values()) for key in ("sent", "acted_upon")}
     return {"attacks": rows, "comparison": {"no keys at all": control}, **total}
 
@@ -70,11 +70,11 @@ class AttackedDrive(NamedTuple):
 
     def settings(self, role: str, folder: Path | None = None) -> dict[str, Any]:
         """Settings of a session of an attacker with the keys of ``role`` in ``folder``."""
-        security = secured(folder or self.keys)
+        security = with_keys(folder or self.keys)
         return session_settings(role, connect=self.endpoint, security=security)
 
 
-def secured(keys: Path | None) -> Security:
+def with_keys(keys: Path | None) -> Security:
     """The settings of the car with other keys."""
     return load_security().model_copy(update={"keys": keys, "listen": None})
 
@@ -93,7 +93,7 @@ def secured_drive(folder: Path) -> Iterator[AttackedDrive]:
 @contextmanager
 def open_drive(keys: Path | None = None) -> Iterator[AttackedDrive]:
     """Sessions of launcher, camera, supervisor, controller and vehicle; the last three consume."""
-    security, endpoint = secured(keys), free_endpoint()
+    security, endpoint = with_keys(keys), free_endpoint()
     if keys is not None:
         endpoint = endpoint.replace("tcp/", "tls/")
     with ExitStack() as stack:
@@ -225,7 +225,7 @@ SENDER = {
 TOPICS = {topic.key: topic for topic in (COMMAND, DECISION, CAMERA_IMAGE, VEHICLE_STATE)}
 
 
-def forged(drive: AttackedDrive, name: str, settings: Mapping[str, Any]) -> Attack:
+def forge_messages(drive: AttackedDrive, name: str, settings: Mapping[str, Any]) -> Attack:
     """Plausible messages on all topics from a session that has no right to any."""
     stamp = stamper(time.time)
     return Attack(
@@ -240,24 +240,24 @@ def foreign(drive: AttackedDrive) -> Iterator[Attack]:
     """Attackers without a certificate of the car."""
     assert drive.keys is not None
     stranger = drive.settings("controller", drive.keys.parent / "foreign")
-    yield forged(drive, "certificate of another authority", stranger)
+    yield forge_messages(drive, "certificate of another authority", stranger)
     knows = stranger["transport/link/tls"] | {"root_ca_certificate": str(certificate(drive.keys, "ca"))}
-    yield forged(
+    yield forge_messages(
         drive, "certificate of another authority, trusts the car's", {**stranger, "transport/link/tls": knows}
     )
     bare = {"root_ca_certificate": str(certificate(drive.keys, "ca")), "verify_name_on_connect": True}
-    yield forged(drive, "TLS without a certificate", {"transport/link/tls": bare})
+    yield forge_messages(drive, "TLS without a certificate", {"transport/link/tls": bare})
     plain = drive.endpoint.replace("tls/", "tcp/")
-    yield forged(drive, "TCP without TLS", {"connect/endpoints": [plain]})
+    yield forge_messages(drive, "TCP without TLS", {"connect/endpoints": [plain]})
 
 
 def wrong_roles(drive: AttackedDrive) -> Iterator[Attack]:
     """A process of the car, taken over, that publishes what others may."""
     for role in ("cv", OBSERVER, LAUNCHER):
-        yield forged(drive, f"wrong topics for the role {role}", drive.settings(role))
+        yield forge_messages(drive, f"wrong topics for the role {role}", drive.settings(role))
 
 
-def broken(drive: AttackedDrive, rng: np.random.Generator) -> Iterator[Attack]:
+def broken_messages(drive: AttackedDrive, rng: np.random.Generator) -> Iterator[Attack]:
     """Bytes of the right role that are not valid messages, or old messages."""
     controller, stamp = drive.settings("controller"), stamper(time.time)
     whole = to_cdr(message_of(COMMAND))
@@ -275,10 +275,12 @@ def broken(drive: AttackedDrive, rng: np.random.Generator) -> Iterator[Attack]:
         (COMMAND.key,),
         lambda _: (huge if rng.random() < 0.02 else huge[: 2**19], stamp()),
     )
-    yield Attack("replayed command", controller, (COMMAND.key,), lambda _: (whole, _replayed(drive)))
+    yield Attack(
+        "replayed command", controller, (COMMAND.key,), lambda _: (whole, _replayable_attachment(drive))
+    )
 
 
-def _replayed(drive: AttackedDrive) -> bytes:
+def _replayable_attachment(drive: AttackedDrive) -> bytes:
     """The attachment of the newest command that the vehicle took, as a listener on the network receives it."""
     taken: Stamp = drive.consumers[COMMAND.key].stamp
     attachment = bytearray(stamper(time.time)())

@@ -68,10 +68,12 @@ def bench_seeds(seed: int) -> dict[str, Any]:
     Rows are stored in ``runs/seeds_<seed>.jsonl``, from which an interrupted benchmark continues.
     """
     fresh = np.random.default_rng(seed).integers(2**32, size=len(KNOWN_SEEDS)).tolist()
-    return compared(scored_scenarios(), KNOWN_SEEDS, fresh, out=WORK_DIR / "runs" / f"seeds_{seed}.jsonl")
+    return compare_seeds(
+        scored_scenarios(), KNOWN_SEEDS, fresh, out=WORK_DIR / "runs" / f"seeds_{seed}.jsonl"
+    )
 
 
-def compared(
+def compare_seeds(
     scenarios: Sequence[Scenario], known: Sequence[int], fresh: Sequence[int], *, out: Path
 ) -> dict[str, Any]:
     """Scores with ``known`` and with ``fresh`` seeds, and their difference; rows are kept in ``out``.

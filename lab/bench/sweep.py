@@ -62,8 +62,8 @@ def bench_sweep(cases: int = CASES, case_s: float = CASE_S, sums: int = SUMS) ->
         bare.take(jobs, partial(_add_numbers, sums))
     return {
         "cases": f"{cases} of {case_s:g} s, {ROUNDS} times",
-        **sweep.found(),
-        **{f"bare_processes_{name}": value for name, value in bare.found().items()},
+        **sweep.result(),
+        **{f"bare_processes_{name}": value for name, value in bare.result().items()},
         "same_rows": len(hashes) == 1,
     }
 
@@ -82,7 +82,7 @@ class _Turns:
         self._wall_s[jobs] += time.perf_counter() - wall_s
         self._cpu_s[jobs] += _children_s() - cpu_s
 
-    def found(self) -> dict[str, float]:
+    def result(self) -> dict[str, float]:
         """Times, and the speed-up of two jobs."""
         return {
             "one_job_s": round(self._wall_s[1], 1),
@@ -111,7 +111,7 @@ def _sum(times: int) -> None:
 
 def _moving(name: str, duration_s: float) -> Scenario:
     """The scenario ``name``, cut off after ``duration_s``, with a car that moves from the start."""
-    scenario = load_scenario(name, {"start.speed_mps": "5"}).shortened(duration_s)
+    scenario = load_scenario(name, {"start.speed_mps": "5"}).shorten(duration_s)
     return scenario.model_copy(update={"name": f"{name}, {duration_s:g} s"})
 
 

@@ -23,23 +23,25 @@ RANKING = {
 
 def grids(measured: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Row]]]:
     """The tables among measured values: title, and rows of columns. Rows at the top level make one table."""
-    top = {name: row for name, row in measured.items() if isinstance(row, Mapping) and not nested(row)}
+    top = {name: row for name, row in measured.items() if isinstance(row, Mapping) and not is_nested(row)}
     if top:
         yield "", top
     for name, table in measured.items():
-        if nested(table):
-            yield name, _joined(table)
+        if is_nested(table):
+            yield name, _join_rows(table)
 
 
-def _joined(table: Mapping[str, Any]) -> Mapping[str, Row]:
+def _join_rows(table: Mapping[str, Any]) -> Mapping[str, Row]:
     """``table`` with rows that are tables themselves replaced by the rows of those."""
     rows: dict[str, Row] = {}
     for name, row in table.items():
-        rows |= {f"{name}, {inner}": values for inner, values in row.items()} if nested(row) else {name: row}
+        rows |= (
+            {f"{name}, {inner}": values for inner, values in row.items()} if is_nested(row) else {name: row}
+        )
     return rows
 
 
-def nested(found: object) -> bool:
+def is_nested(found: object) -> bool:
     """Whether ``found`` is a table: a mapping whose values are all rows."""
     if not isinstance(found, Mapping) or not found:
         return False
@@ -57,12 +59,12 @@ def columns_of(rows: Mapping[str, Row]) -> list[str]:
     return [column for column in columns if any(row.get(column) is not None for row in rows.values())]
 
 
-def turned(rows: Mapping[str, Row]) -> dict[str, Row]:
+def exchange_axes(rows: Mapping[str, Row]) -> dict[str, Row]:
     """The table with rows and columns exchanged."""
     return {column: {name: row.get(column) for name, row in rows.items()} for column in columns_of(rows)}
 
 
-def shown(value: object) -> str:
+def value_text(value: object) -> str:
     """A value in few digits; a dash where there is none."""
     if value is None:
         return "–"
@@ -70,13 +72,13 @@ def shown(value: object) -> str:
         digits = f"{value:.{FIGURES}g}"
         return f"{float(digits):.0f}" if "e+" in digits else digits
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {shown(part)}" for name, part in value.items())
+        return ", ".join(f"{name} {value_text(part)}" for name, part in value.items())
     if isinstance(value, list | tuple):
-        return ", ".join(map(shown, value))
+        return ", ".join(map(value_text, value))
     return str(value)
 
 
-def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table in Markdown; all columns but the first are aligned to the right."""
     lines = [head, ("---", *("---:" for _ in head[1:])), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
@@ -104,7 +106,7 @@ def tables(report: Mapping[str, Any]) -> Iterator[Table]:
             yield _table(name, ("", ""), alone.items())
         for title, rows in grids(measured):
             wide = len(columns_of(rows)) > max(MAX_COLUMNS, len(rows))
-            yield _grid(f"{name}: {title}" if title else name, turned(rows) if wide else rows)
+            yield _grid(f"{name}: {title}" if title else name, exchange_axes(rows) if wide else rows)
 
 
 def _grid(title: str, rows: Mapping[str, Row]) -> Table:
@@ -117,5 +119,5 @@ def _table(title: str, columns: Iterable[str], rows: Iterable[Iterable[object]])
     for number, column in enumerate(columns):
         table.add_column(escape(column), justify="right" if number else "left", overflow="fold")
     for row in rows:
-        table.add_row(*(escape(shown(value)) for value in row))
+        table.add_row(*(escape(value_text(value)) for value in row))
     return table

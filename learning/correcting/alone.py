@@ -105,10 +105,10 @@ def _with_expert(witness: Witness, scenario: Scenario, vehicle: Vehicle) -> Witn
     oracle = Oracle(EXPERT, scenario.build_road(), vehicle)
     newest: SteeringEstimate | None = None
 
-    def watched(now: Instant) -> None:
+    def watch(now: Instant) -> None:
         nonlocal newest
         if now.frame is not None and now.frame.t_s == now.truth.t_s:
             newest = oracle.step(now.truth)
         witness(replace(now, estimates={**now.estimates, EXPERT: newest}))
 
-    return watched
+    return watch

@@ -18,7 +18,7 @@ from drive.tally import autonomy_percent
 from learning.correcting.alone import check, drive_alone, scenario_for
 from learning.correcting.corrections import Drift, build_corrections
 from learning.dataset.dataset import CARD, NONE, Dataset
-from learning.dataset.join import joined
+from learning.dataset.join import join_datasets
 from learning.training.recipe import Recipe
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.fingerprint import files_of_car
@@ -92,7 +92,11 @@ def correct(plan: Plan, train: Train, *, resume: bool, jobs: int, report: Report
         _make_network(plan, number, added, train, report)
         drives = _drives(plan, number)
         rows.append(
-            {"round": number, "corrections": sum(map(_labelled, added)), **_driven(plan, drives, jobs)}
+            {
+                "round": number,
+                "corrections": sum(map(_labelled_count, added)),
+                **_drive_all(plan, drives, jobs),
+            }
         )
         report(f"round {number} of {plan.rounds}: {_sentence(rows[-1])}")
         if number == plan.rounds:
@@ -103,7 +107,7 @@ def correct(plan: Plan, train: Train, *, resume: bool, jobs: int, report: Report
             break
         added.append(found)
         left_min = (plan.rounds - number) * (time.monotonic() - began_s) / 60
-        report(f"round {number}: {_labelled(found)} corrections; about {left_min:.1f} min left")
+        report(f"round {number}: {_labelled_count(found)} corrections; about {left_min:.1f} min left")
     best = min(rows, key=lambda row: (row["interventions"], row["rms_lateral_error_m"]))
     _keep(plan, rows, best["round"])
     return rows
@@ -142,7 +146,7 @@ def _make_network(plan: Plan, number: int, added: list[Dataset], train: Train, r
         copy_start(plan.start, out)
         write_whole(done, b"{}")
         return
-    data = joined(out.parent / "data", plan.data, added, command=plan.command) if added else plan.data
+    data = join_datasets(out.parent / "data", plan.data, added, command=plan.command) if added else plan.data
     report(f"round {number}: training on {len(data.rows('train'))} frames")
     start = plan.network(number - 1) if number else None
     found = train(
@@ -170,7 +174,7 @@ def _drives(plan: Plan, number: int) -> dict[str, tuple[Scenario, int, Path]]:
     return drives
 
 
-def _driven(plan: Plan, drives: Mapping[str, tuple[Scenario, int, Path]], jobs: int) -> Row:
+def _drive_all(plan: Plan, drives: Mapping[str, tuple[Scenario, int, Path]], jobs: int) -> Row:
     """The scores of all drives together; those that were driven before are not repeated."""
     codes = dict.fromkeys(drives, "")  # a resumed correction keeps its drives, whatever code continues it
     rows = stored_rows(plan.folder / "drives.jsonl", drive, drives, codes=codes, jobs=min(jobs, len(drives)))
@@ -211,7 +215,7 @@ def _corrections(plan: Plan, number: int, drives: list[Path]) -> Dataset | None:
     return found
 
 
-def _labelled(data: Dataset) -> int:
+def _labelled_count(data: Dataset) -> int:
     return int((data.rows()["split"] != NONE).sum())
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from learning.dataset.cleaning import cleaned
+from learning.dataset.cleaning import clean
 from learning.dataset.dataset import (
     CARD,
     NONE,
@@ -41,7 +41,7 @@ from learning.dataset.sources.log import Faults, Log, SteeringUnit, licence_besi
 from learning.dataset.sources.recording import SUFFIX, read_drive
 from learning.dataset.sources.table import TableOptions, read_table
 from learning.dataset.sources.tub import ANGLE, is_tub, read_tub
-from learning.dataset.split import divided, stretches, too_short
+from learning.dataset.split import split_rows, stretches, too_short
 from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
 from trepid.config import InputError
 from trepid.loudness import warn
@@ -115,9 +115,9 @@ def build(
     t_s = np.concatenate([log.t_s for log in logs])
     route = np.array([name for log in logs for name in log.route])
     stretch = stretches(t_s, route)
-    unusable, look = _measured(logs, stretch, faults, progress)
+    unusable, look = _measure_images(logs, stretch, faults, progress)
     columns = {
-        "frame": _numbered(route),
+        "frame": _row_numbers(route),
         "source": np.repeat(np.arange(len(logs)), [len(log) for log in logs]),
         "image": [name for log in logs for name in log.image],
         "item": np.concatenate([log.item for log in logs]),
@@ -134,14 +134,14 @@ def build(
         "shift": look.shift,
         "yaw_rate_radps": np.concatenate([log.yaw_rate_radps for log in logs]),
     }
-    unusable = cleaned(as_rows(columns), options.leave_out)
+    unusable = clean(as_rows(columns), options.leave_out)
     if short := too_short(options.split, t_s, route, unusable):
         warn(
             f"trepid: {short}; all frames are in the split {SPLITS[0]}, and nothing is left to judge a network by"
         )
         split, why = np.where(unusable == "", SPLITS[0], NONE), unusable
     else:
-        split, why = divided(options.split, t_s, route, unusable, look)
+        split, why = split_rows(options.split, t_s, route, unusable, look)
     rows = as_rows(columns | {"split": split, "why": why})
     if not short:
         _check_splits(options.split, rows)
@@ -203,7 +203,7 @@ def _check_steering(log: Log, faults: Faults) -> None:
         log.steering[number] = math.nan
 
 
-def _numbered(route: NDArray[np.str_]) -> NDArray[np.int64]:
+def _row_numbers(route: NDArray[np.str_]) -> NDArray[np.int64]:
     """Number of each row within its route."""
     frame = np.empty(len(route), np.int64)
     for name in np.unique(route):
@@ -212,7 +212,7 @@ def _numbered(route: NDArray[np.str_]) -> NDArray[np.int64]:
     return frame
 
 
-def _measured(
+def _measure_images(
     logs: list[Log], stretch: NDArray[np.int32], faults: Faults, progress: Progress
 ) -> tuple[NDArray[np.str_], ImageMeasurements]:
     """Read every image once: the reasons to leave out rows, and the look of all rows."""

@@ -87,7 +87,7 @@ def card_of(dataset: Dataset) -> dict[str, Any]:
     return card
 
 
-def counted(count: int, noun: str, nouns: str = "") -> str:
+def count_phrase(count: int, noun: str, nouns: str = "") -> str:
     """``count`` and the noun in the right number."""
     return f"{count} {noun if count == 1 else nouns or f'{noun}s'}"
 
@@ -230,8 +230,8 @@ def as_text(card: dict[str, Any]) -> list[str]:
     rate = f"{card['rate_hz']:.1f} Hz" if card["rate_hz"] else "no rate"
     lines = [
         f"frames      {card['frames']}: " + ", ".join(f"{name} {n}" for name, n in card["splits"].items()),
-        f"drives      {counted(len(card['routes']), 'route')},"
-        f" {counted(card['stretches'], 'stretch', 'stretches')}, {card['duration_s']:.0f} s,"
+        f"drives      {count_phrase(len(card['routes']), 'route')},"
+        f" {count_phrase(card['stretches'], 'stretch', 'stretches')}, {card['duration_s']:.0f} s,"
         f" {rate}, {size} pixels",
         *(f"left out    {count} {why}" for why, count in card["left_out"].items()),
     ]

@@ -23,7 +23,7 @@ def frozen_pieces(rows: Rows) -> list[dict[str, Any]]:
     return [piece for piece in pieces(rows, rows["change"] <= STILL) if piece["duration_s"] >= FROZEN_S]
 
 
-def frozen(rows: Rows) -> Mask:
+def frozen_rows(rows: Rows) -> Mask:
     """The rows (n,) of :func:`frozen_pieces`."""
     found = np.zeros(len(rows), bool)
     for piece in frozen_pieces(rows):
@@ -52,7 +52,7 @@ def pieces(rows: Rows, marked: Mask) -> list[dict[str, Any]]:
 
 RULES: Mapping[str, Callable[[Rows], Mask]] = MappingProxyType(
     {
-        "frozen": frozen,
+        "frozen": frozen_rows,
         "suspicious": suspicious,
         "dark": lambda rows: rows["light"] < DARK,
         "bright": lambda rows: rows["light"] > BRIGHT,
@@ -62,7 +62,7 @@ RULES: Mapping[str, Callable[[Rows], Mask]] = MappingProxyType(
 """Name of a rule -> the rows (n,) that it leaves out; an unknown light or speed leaves out none."""
 
 
-def cleaned(rows: Rows, rules: Sequence[str]) -> NDArray[np.str_]:
+def clean(rows: Rows, rules: Sequence[str]) -> NDArray[np.str_]:
     """The column ``why`` of ``rows`` after ``rules``, in their order; the first reason of a row stays.
 
     Labels that contradict the motion are sought among those that are left.

@@ -221,7 +221,7 @@ def _shares(text: str) -> dict[str, float]:
 
 
 def _print_summary(made, left_out: int, *, as_json: bool) -> None:  # type: ignore[no-untyped-def]
-    from learning.dataset.card import counted
+    from learning.dataset.card import count_phrase
 
     rows = made.rows()
     splits, wheel = Counter(rows["split"].tolist()), made.wheel
@@ -236,7 +236,7 @@ def _print_summary(made, left_out: int, *, as_json: bool) -> None:  # type: igno
         )
         print(json.dumps(summary))
         return
-    print(f"{made.folder}: {len(rows)} frames of {counted(len(set(rows['route'].tolist())), 'route')}")
+    print(f"{made.folder}: {len(rows)} frames of {count_phrase(len(set(rows['route'].tolist())), 'route')}")
     print("  " + ", ".join(f"{name} {splits[name]}" for name in ("train", "validation", "test", "none")))
     for why, count in Counter(rows["why"].tolist()).most_common():
         if why:

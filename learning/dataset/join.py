@@ -24,7 +24,7 @@ PART_S = 10.0  # of a drive of an added data set
 VALIDATION, EVERY = 2, 6  # the third of every six parts is for validation
 
 
-def joined(out: Path, first: Dataset, added: Sequence[Dataset], command: str) -> Dataset:
+def join_datasets(out: Path, first: Dataset, added: Sequence[Dataset], command: str) -> Dataset:
     """Write ``first`` and the labelled frames of ``added`` into the folder ``out``.
 
     Steering and splits are described as in ``first``. The frames of an added data set that follow each other
@@ -36,7 +36,7 @@ def joined(out: Path, first: Dataset, added: Sequence[Dataset], command: str) ->
     stretch = int(first.rows()["stretch"].max(initial=-1)) + 1
     for dataset in added:
         every = dataset.rows()
-        rows = _divided(every, first.file.split.gap_s)[every["split"] != NONE]
+        rows = _divide_rows(every, first.file.split.gap_s)[every["split"] != NONE]
         rows["source"] += len(sources)
         rows["stretch"] = stretch + pieces_of(rows)
         parts.append(rows)
@@ -52,7 +52,7 @@ def joined(out: Path, first: Dataset, added: Sequence[Dataset], command: str) ->
     return Dataset.open(out)
 
 
-def _divided(rows: Rows, gap_s: float) -> Rows:
+def _divide_rows(rows: Rows, gap_s: float) -> Rows:
     """The rows of an added data set for training and validation, with ``gap_s`` left out between the two."""
     _, drive = np.unique(rows["route"], return_inverse=True)
     first_s = np.full(len(rows), np.inf)  # of each drive

@@ -103,7 +103,7 @@ def suspicious(rows: Rows) -> Mask:
     seen = _window(motion, rows["stretch"])[usable]
     wanted = label[usable]
     fold = (np.arange(len(wanted)) * BLOCKS // len(wanted)) % FOLDS
-    residual = np.abs(wanted - _cross_validated(seen, wanted, fold))
+    residual = np.abs(wanted - _cross_validate(seen, wanted, fold))
     spread = 1.4826 * float(np.median(residual))
     explained = 1.0 - np.mean(residual**2) / max(np.var(wanted), 1e-12)
     if explained < LEAST_CORRELATION**2 or spread == 0.0:
@@ -120,7 +120,7 @@ def _window(motion: Column, stretch: NDArray[np.int32]) -> Array:
     return np.where(same, motion[inside], 0.0)
 
 
-def _cross_validated(seen: Array, wanted: Column, fold: NDArray[np.intp]) -> Column:
+def _cross_validate(seen: Array, wanted: Column, fold: NDArray[np.intp]) -> Column:
     """The prediction of each row by a ridge regression over the other folds."""
     found = np.zeros(len(wanted))
     for number in range(FOLDS):

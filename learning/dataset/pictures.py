@@ -31,7 +31,7 @@ class PictureReader:
         if self._frames is None or self._container != image or item < self._next:
             self.close()
             self._container, self._next = image, 0
-            self._frames = self._begun(self._root / image)
+            self._frames = self._begin(self._root / image)
         for shot in self._frames:
             self._next += 1
             if self._next > item:
@@ -44,23 +44,23 @@ class PictureReader:
             self._frames.close()
         self._frames = None
 
-    def _begun(self, path: Path) -> Generator[UndecodedFrame, None, None]:
+    def _begin(self, path: Path) -> Generator[UndecodedFrame, None, None]:
         if not path.is_file():
             raise InputError(f"{path}: no such file")
         suffix = path.suffix.lower()
         if suffix == RECORDING_SUFFIX and self._topic is not None:
-            return _recorded(path, self._topic)
+            return _recorded_frames(path, self._topic)
         if suffix in FILM_SUFFIXES:
-            return _filmed(path)
+            return _film_frames(path)
         raise InputError(f"{path}: unknown kind of file with several frames")
 
 
-def _recorded(path: Path, topic: str) -> Generator[UndecodedFrame, None, None]:
+def _recorded_frames(path: Path, topic: str) -> Generator[UndecodedFrame, None, None]:
     from trepid.recording.foreign import types_of
 
     yield from mcap_shots(path, topic, types_of(path)[topic])
 
 
-def _filmed(path: Path) -> Generator[UndecodedFrame, None, None]:
+def _film_frames(path: Path) -> Generator[UndecodedFrame, None, None]:
     for frame in video_frames(path):
         yield UndecodedFrame(frame.t_s, frame.decode)

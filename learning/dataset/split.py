@@ -58,7 +58,7 @@ def too_short(split: Split, t_s: Column, route: NDArray[np.str_], why: NDArray[n
     return f"a drive of {lasts_s:.2g} s is too short for gaps of {split.gap_s:g} s between splits (--gap-s)"
 
 
-def divided(
+def split_rows(
     split: Split, t_s: Column, route: NDArray[np.str_], why: NDArray[np.str_], look: ImageMeasurements
 ) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
     """The columns ``split`` and ``why``; rows with a reason already are ``none``. Raises InputError."""
@@ -110,7 +110,7 @@ def _by_route(
     if strange:
         raise InputError(f"--test-route {strange[0]}: no such route; there are {', '.join(routes)}")
     drawn = np.random.default_rng(split.seed).permutation(routes).tolist()
-    test = list(split.test_routes) or _taken(drawn, split.shares["test"], route, usable)
+    test = list(split.test_routes) or _take_routes(drawn, split.shares["test"], route, usable)
     left = [name for name in drawn if name not in test]
     if not left or not test:
         raise InputError(
@@ -118,7 +118,7 @@ def _by_route(
         )
     names = np.where(np.isin(route, test), SPLITS[2], SPLITS[0]).astype("<U10")
     if len(left) > 1:
-        names[np.isin(route, _taken(left, split.shares["validation"], route, usable))] = SPLITS[1]
+        names[np.isin(route, _take_routes(left, split.shares["validation"], route, usable))] = SPLITS[1]
     else:
         rest = split.shares["train"] + split.shares["validation"]
         shares = {name: split.shares[name] / rest for name in ("train", "validation")}
@@ -127,7 +127,7 @@ def _by_route(
     return names
 
 
-def _taken(routes: list[str], share: float, route: NDArray[np.str_], usable: Mask) -> list[str]:
+def _take_routes(routes: list[str], share: float, route: NDArray[np.str_], usable: Mask) -> list[str]:
     """The first routes that hold ``share`` of the usable rows, and never all routes."""
     taken: list[str] = []
     for name in routes[:-1]:

@@ -102,7 +102,7 @@ class Bench:
 
     def row(self, model: JudgedModel, found: Predictions) -> dict[str, Any]:
         """The scores of ``model``; those of an estimator on the frames with an answer."""
-        seen, network = found.answered, model.network
+        seen, network = found.has_angle, model.network
         predicted, true = found.angle_rad[seen] * self.unit_deg, self.true_deg[seen]
         rows, ratio = self.rows[seen], self._wheel_ratio
         row: dict[str, Any] = {"model": model.name, "file": model.text}
@@ -140,7 +140,7 @@ class Bench:
 
     def _uncertainty(self, found: Predictions, error_deg: Angles) -> dict[str, Any]:
         """What the model states about its errors; without intervals only its confidence."""
-        seen = found.answered
+        seen = found.has_angle
         stated: dict[str, Any] = calibration(error_deg / self.unit_deg, found.confidence[seen], TOLERANCE_RAD)
         width_deg = found.interval_rad[seen] * self.unit_deg
         if not np.isfinite(width_deg).all():

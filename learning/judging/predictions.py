@@ -35,7 +35,7 @@ class Predictions:
     latency_ms: Angles
 
     @property
-    def answered(self) -> NDArray[np.bool_]:
+    def has_angle(self) -> NDArray[np.bool_]:
         """Whether the model gives an angle, (n,) bool."""
         return np.isfinite(self.angle_rad)
 

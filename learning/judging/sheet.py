@@ -43,7 +43,7 @@ def occlusion(network: DriverNetwork, image: Image, grid: tuple[int, int] = GRID
     return found
 
 
-def heated(image: Image, weights: Angles) -> Image:
+def draw_heat(image: Image, weights: Angles) -> Image:
     """``image`` with the weights of its cells as colours from blue (0) to red (the greatest)."""
     share = weights / max(float(weights.max()), 1e-12)
     wide = cv2.resize(share.astype(np.float32), image.shape[1::-1], interpolation=cv2.INTER_CUBIC)
@@ -90,7 +90,7 @@ def write_sheet(
         one = tile(image, lines, *angles)
         if network is not None:
             plain = np.asarray(cv2.resize(image, TILE_PX, interpolation=cv2.INTER_AREA), np.uint8)
-            one = np.vstack([one, heated(plain, occlusion(network, image))])
+            one = np.vstack([one, draw_heat(plain, occlusion(network, image))])
         tiles.append(one)
     black = np.zeros_like(tiles[0])
     tiles += [black] * (-len(tiles) % COLUMNS_OF_SHEET)

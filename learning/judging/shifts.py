@@ -28,7 +28,7 @@ def _lit(gain: float) -> ImageChange:
     return lit
 
 
-def _blurred(image: Image, rng: np.random.Generator) -> Image:
+def _blur(image: Image, rng: np.random.Generator) -> Image:
     return as_pixels(cv2.GaussianBlur(image, (0, 0), BLUR * image.shape[1]))
 
 
@@ -36,7 +36,7 @@ def _noisy(image: Image, rng: np.random.Generator) -> Image:
     return add_noise(image, NOISE_GREY, rng)
 
 
-def _raised(image: Image, rng: np.random.Generator) -> Image:
+def _raise_camera(image: Image, rng: np.random.Generator) -> Image:
     """The view of a camera that looks lower: everything is RISE of the height farther up."""
     rows = round(RISE * image.shape[0])
     return np.concatenate([image[rows:], np.repeat(image[-1:], rows, axis=0)])
@@ -47,12 +47,12 @@ SHIFTS: Mapping[str, ImageChange] = MappingProxyType(
         "half the light": _lit(0.5),
         "twice the light": _lit(2.0),
         "shadows": shade,
-        "blur": _blurred,
+        "blur": _blur,
         "noise": _noisy,
         "rain": rain,
         "snow": snow,
         "fog": fog,
-        "camera tilted": _raised,
+        "camera tilted": _raise_camera,
     }
 )
 """Name of a shift -> changed image."""

@@ -59,7 +59,7 @@ class Augmenter:
         if rng.random() < settings.flip:
             image, lane = as_pixels(cv2.flip(image, 1)), MIRRORED * lane
         raised = float(np.exp(settings.height * rng.normal()))
-        image = self._moved(image, raised, rng)
+        image = self._move_camera(image, raised, rng)
         lane = self.lane_from(lane, raised)
         if rng.random() < settings.shadows:
             image = shade(image, rng)
@@ -71,7 +71,7 @@ class Augmenter:
             image = _coarse(image, settings.coarse_scale, rng)
         image = blemish(image, rng, settings, least_blur_px=LEAST_BLUR_PX)
         if settings.coded and rng.random() < settings.coded:
-            image = _coded(image, int(rng.uniform(settings.coded_quality, 100)))
+            image = _code_jpeg(image, int(rng.uniform(settings.coded_quality, 100)))
         if rng.random() < settings.border:
             image = _narrow(image, settings.border_size, rng)
         return image, lane
@@ -91,7 +91,7 @@ class Augmenter:
         project = self._camera.intrinsics @ self._camera.optical_from_vehicle
         return project @ np.diag([1, 1, raised]) @ np.linalg.inv(project)
 
-    def _moved(self, image: Image, raised: float, rng: np.random.Generator) -> Image:
+    def _move_camera(self, image: Image, raised: float, rng: np.random.Generator) -> Image:
         """Another camera height; then roll and a shift along the columns, as of a rolling and pitching body."""
         height, width = image.shape[:2]
         roll_deg = float(np.rad2deg(self._settings.roll_rad * rng.normal()))
@@ -128,10 +128,10 @@ def _coarse(image: Image, scale: float, rng: np.random.Generator) -> Image:
     """The image of a camera with fewer pixels, at least ``scale`` times as many on a side."""
     share = rng.uniform(scale, 1)
     size = (max(1, round(share * image.shape[1])), max(1, round(share * image.shape[0])))
-    return _stretched(as_pixels(cv2.resize(image, size, interpolation=cv2.INTER_AREA)), image)
+    return _stretch(as_pixels(cv2.resize(image, size, interpolation=cv2.INTER_AREA)), image)
 
 
-def _coded(image: Image, quality: int) -> Image:
+def _code_jpeg(image: Image, quality: int) -> Image:
     """The image after coding as JPEG."""
     coded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
     return np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)
@@ -139,7 +139,7 @@ def _coded(image: Image, quality: int) -> Image:
 
 def nonsense(road: Image, rng: np.random.Generator) -> Image:
     """An image of the size of ``road`` without a road: plain, shaded, noise, clouds, shapes, or a shuffled road."""
-    kinds = (_plain, _gradient, _noise, _clouds, _shapes, _upside_down, _shuffled, _sky_only, _flat_road)
+    kinds = (_plain, _gradient, _noise, _clouds, _shapes, _upside_down, _shuffle, _sky_only, _flat_road)
     image = kinds[rng.integers(len(kinds))](road, rng)
     if rng.random() < 0.5:
         image = add_noise(image, 12 * rng.random(), rng)
@@ -154,7 +154,7 @@ def _plain(road: Image, rng: np.random.Generator) -> Image:
 
 def _gradient(road: Image, rng: np.random.Generator) -> Image:
     corners = rng.integers(0, 256, (2, 2, 3)).astype(np.uint8)
-    return _stretched(corners, road)
+    return _stretch(corners, road)
 
 
 def _noise(road: Image, rng: np.random.Generator) -> Image:
@@ -165,7 +165,7 @@ def _noise(road: Image, rng: np.random.Generator) -> Image:
 
 def _clouds(road: Image, rng: np.random.Generator) -> Image:
     rows, columns = rng.integers(3, 24), rng.integers(3, 60)
-    return _stretched(rng.integers(0, 256, (rows, columns, 3)).astype(np.uint8), road)
+    return _stretch(rng.integers(0, 256, (rows, columns, 3)).astype(np.uint8), road)
 
 
 def _shapes(road: Image, rng: np.random.Generator) -> Image:
@@ -189,7 +189,7 @@ def _upside_down(road: Image, rng: np.random.Generator) -> Image:
     return np.ascontiguousarray(road[::-1])
 
 
-def _shuffled(road: Image, rng: np.random.Generator) -> Image:
+def _shuffle(road: Image, rng: np.random.Generator) -> Image:
     """The road cut into strips and tiles in another order."""
     columns = np.array_split(np.arange(road.shape[1]), rng.integers(6, 20))
     rows = np.array_split(np.arange(road.shape[0]), rng.integers(3, 8))
@@ -200,15 +200,15 @@ def _shuffled(road: Image, rng: np.random.Generator) -> Image:
 
 def _sky_only(road: Image, rng: np.random.Generator) -> Image:
     """The topmost rows over the whole image, as of a camera that points up."""
-    return _stretched(np.ascontiguousarray(road[: max(2, road.shape[0] // 12)]), road)
+    return _stretch(np.ascontiguousarray(road[: max(2, road.shape[0] // 12)]), road)
 
 
 def _flat_road(road: Image, rng: np.random.Generator) -> Image:
     """A patch of the ground over the whole image, as of a camera that points down or is covered."""
     height, width = road.shape[:2]
     top, left = rng.integers(height // 2, height - 6), rng.integers(0, width - 12)
-    return _stretched(np.ascontiguousarray(road[top : top + 6, left : left + 12]), road)
+    return _stretch(np.ascontiguousarray(road[top : top + 6, left : left + 12]), road)
 
 
-def _stretched(image: Image, like: Image) -> Image:
+def _stretch(image: Image, like: Image) -> Image:
     return as_pixels(cv2.resize(image, (like.shape[1], like.shape[0]), interpolation=cv2.INTER_CUBIC))

@@ -17,9 +17,9 @@ from torch import Tensor
 from learning.descent import ahead, descend, warm_up_cosine
 from learning.lane.augment import Augmentation, Augmenter, nonsense
 from learning.lane.frames import Mounts
-from learning.lane.network import Exported, SteerNetwork, loss
-from learning.lane.scores import Labelled, Prediction, PursuitTask
-from learning.lane.unlabelled import SelfTraining, Unlabelled, none_of, self_labelled
+from learning.lane.network import ExportedNetwork, SteerNetwork, loss
+from learning.lane.scores import LabelledFrames, Prediction, PursuitTask
+from learning.lane.unlabelled import SelfTraining, UnlabelledFrames, label_by_network, none_of
 from learning.roadside import Scenery
 from perception.net.canonical import MIRRORED
 from perception.net.steer_net import Network
@@ -83,15 +83,15 @@ class Progress:
 
 def train(
     recipe: Recipe,
-    data: Labelled,
-    validation: Labelled,
+    data: LabelledFrames,
+    validation: LabelledFrames,
     *,
     canonical: Camera,
     wheelbase_m: float,
     checkpoint: Path,
     resume: bool,
     report: Callable[[str], None],
-    unlabelled: Unlabelled | None = None,
+    unlabelled: UnlabelledFrames | None = None,
 ) -> tuple[SteerNetwork, Progress]:
     """The network of the epoch with the least validation loss; ``canonical`` is the camera of all images.
 
@@ -112,7 +112,7 @@ def train(
     progress = _restore(checkpoint, kind, network, optimiser) if resume else Progress()
     while progress.epoch < recipe.epochs and progress.epoch - progress.best_epoch < recipe.patience:
         started_s = time.monotonic()
-        further = _self_labelled(recipe, network, drives, task, progress.epoch)
+        further = _label_drives(recipe, network, drives, task, progress.epoch)
         if len(drives):
             report(f"the network gives {len(further)} of {len(drives)} frames without labels a lane")
         batches = _batches(recipe, canonical, data, further, progress.epoch)
@@ -131,7 +131,7 @@ def train(
     return network.eval(), progress
 
 
-def build(recipe: Recipe, data: Labelled) -> SteerNetwork:
+def build(recipe: Recipe, data: LabelledFrames) -> SteerNetwork:
     """An untrained network whose outputs are in units of the spread of the lanes in ``data``.
 
     Their middle is that of a straight lane, of the mean width: a mirrored image has the mirrored lane.
@@ -147,20 +147,20 @@ def build(recipe: Recipe, data: Labelled) -> SteerNetwork:
 def largest_difference(network: SteerNetwork, exported: Network, images: np.ndarray) -> float:
     """Largest |torch − ONNX Runtime| over all outputs for ``images``: offset in m, angles in rad, and so on."""
     with torch.no_grad():
-        wanted = Exported(network).eval()(torch.from_numpy(images))
+        wanted = ExportedNetwork(network).eval()(torch.from_numpy(images))
     return max(
         float(np.abs(w.numpy() - f).max())
         for w, f in zip(wanted, exported(images)[: len(wanted)], strict=True)
     )
 
 
-def _self_labelled(
-    recipe: Recipe, network: SteerNetwork, drives: Unlabelled, task: PursuitTask, epoch: int
-) -> Labelled:
+def _label_drives(
+    recipe: Recipe, network: SteerNetwork, drives: UnlabelledFrames, task: PursuitTask, epoch: int
+) -> LabelledFrames:
     """The frames of ``drives`` with lanes by ``network``; none in the first epochs."""
     early = epoch < recipe.self_training.after * recipe.epochs
     agree_rad = math.radians(recipe.self_training.agree_deg)
-    exported = Exported(network.eval())
+    exported = ExportedNetwork(network.eval())
 
     def predict(images: np.ndarray) -> Prediction:
         parts = [images[i : i + EVALUATION_BATCH] for i in range(0, len(images), EVALUATION_BATCH)]
@@ -169,8 +169,8 @@ def _self_labelled(
         lanes, sigmas, visible = (torch.cat(column).numpy() for column in zip(*found, strict=True))
         return Prediction(lanes, task.wheelbase_m * sigmas.astype(float), visible.astype(float))
 
-    chosen = Unlabelled(drives.images[:0], drives.drives[:0]) if early else drives
-    return self_labelled(predict, chosen, task, agree_rad=agree_rad)
+    chosen = UnlabelledFrames(drives.images[:0], drives.drives[:0]) if early else drives
+    return label_by_network(predict, chosen, task, agree_rad=agree_rad)
 
 
 def _epoch(
@@ -193,7 +193,7 @@ def _epoch(
     return float(np.mean(losses))
 
 
-def _evaluate(recipe: Recipe, network: SteerNetwork, data: Labelled) -> float:
+def _evaluate(recipe: Recipe, network: SteerNetwork, data: LabelledFrames) -> float:
     """Mean negative log likelihood over ``data`` without augmentation."""
     network.eval()
     parts = [slice(i, i + EVALUATION_BATCH) for i in range(0, len(data), EVALUATION_BATCH)]
@@ -209,7 +209,7 @@ def _raw(recipe: Recipe, network: SteerNetwork, images: Tensor) -> Tensor:
 
 
 def _batches(
-    recipe: Recipe, canonical: Camera, data: Labelled, further: Labelled, epoch: int
+    recipe: Recipe, canonical: Camera, data: LabelledFrames, further: LabelledFrames, epoch: int
 ) -> Iterator[Batch]:
     """Batches of all frames of ``data``, augmented; each also has images without a road and some of ``further``."""
     rng = np.random.default_rng((recipe.seed, epoch))

@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from learning.drawn_frames import LaneSample, lane_at, road_samples
-from learning.lane.scores import Labelled
-from learning.rendered import Part, Report, rendered
+from learning.lane.scores import LabelledFrames
+from learning.rendered import Part, Report, render_roads
 from learning.roadside import OPEN_COUNTRY, Scenery
 from perception.net.canonical import MIRRORED, CanonicalView, row_of_lane
 from sim_harness.world.render.renderer import Renderer
@@ -54,11 +54,11 @@ class TrainingShot:
     scenery: Scenery = OPEN_COUNTRY
     mounts: Mounts = HOME
 
-    def labelled(self, frames: list[LaneSample]) -> Labelled:
+    def label_frames(self, frames: list[LaneSample]) -> LabelledFrames:
         """Canonical images and lanes of rendered frames."""
         view = CanonicalView(self.camera, self.canonical)
         seen = [(view.canonical_lane(frame.lane), frame.lane_width_m / view.scale) for frame in frames]
-        return Labelled(
+        return LabelledFrames(
             np.stack([view.image(frame.image) for frame in frames]),
             np.array([row_of_lane(*lane, self.lookahead_m) for lane in seen]),
             np.array([frame.visible for frame in frames], bool),
@@ -71,16 +71,16 @@ class TrainingShot:
             math.exp(math.log(factor) * rng.uniform(-1, 1))
             for factor in (self.mounts.height, self.mounts.focal)
         )
-        shot = replace(self, camera=mounted(self.camera, height=height, focal=focal))
+        shot = replace(self, camera=change_mount(self.camera, height=height, focal=focal))
         ahead_m = self.lookahead_m * shot.camera.height_m / self.canonical.height_m
         samples = road_samples(
             seed, shot.camera, frames=self.frames_per_road, scenery=self.scenery, ahead_m=ahead_m
         )
-        part = shot.labelled(list(samples))
+        part = shot.label_frames(list(samples))
         return dict(images=part.images, lanes=part.lanes, visible=part.visible)
 
 
-def mounted(camera: Camera, *, height: float, focal: float) -> Camera:
+def change_mount(camera: Camera, *, height: float, focal: float) -> Camera:
     """``camera`` with ``height`` times its height and ``focal`` times its focal length."""
     lengths = dict(height_m=height * camera.height_m, fx_px=focal * camera.fx_px, fy_px=focal * camera.fy_px)
     return camera.model_copy(update=lengths)
@@ -88,11 +88,11 @@ def mounted(camera: Camera, *, height: float, focal: float) -> Camera:
 
 def random_frames(
     shot: TrainingShot, split: str, count: int, *, seed: int, folder: Path, reuse: bool, report: Report
-) -> Labelled:
-    """``count`` frames of random roads of ``split``, as :func:`learning.rendered.rendered` keeps them."""
+) -> LabelledFrames:
+    """``count`` frames of random roads of ``split``, as :func:`learning.render_roads.render_roads` keeps them."""
     images = np.empty((count, shot.canonical.height_px, shot.canonical.width_px, 3), np.uint8)
     labels, done, roads = [], 0, math.ceil(count / shot.frames_per_road)
-    for path in rendered(
+    for path in render_roads(
         shot.part,
         split,
         roads,
@@ -108,18 +108,18 @@ def random_frames(
             labels.append((part["lanes"][:taken], part["visible"][:taken]))
         done += taken
     lanes, visible = (np.concatenate(column) for column in zip(*labels, strict=True))
-    return Labelled(images, lanes, visible)
+    return LabelledFrames(images, lanes, visible)
 
 
 def mounted_frames(
     shot: TrainingShot, *, seed: int, folder: Path, reuse: bool, report: Report
-) -> dict[str, tuple[Labelled, float]]:
+) -> dict[str, tuple[LabelledFrames, float]]:
     """MOUNTED_FRAMES frames of the roads of the test by each camera of MOUNTS, and the scale of its world."""
     found = {}
     for name, factors in MOUNTS.items():
         own = folder / name.replace(" ", "-")
         frames = random_frames(
-            replace(shot, camera=mounted(shot.camera, **factors)),
+            replace(shot, camera=change_mount(shot.camera, **factors)),
             "test",
             MOUNTED_FRAMES,
             seed=seed,
@@ -133,7 +133,7 @@ def mounted_frames(
 
 def circuit_frames(
     shot: TrainingShot, name: str, *, seed: int, step_m: float = CIRCUIT_STEP_M
-) -> dict[str, Labelled]:
+) -> dict[str, LabelledFrames]:
     """Frames every ``step_m`` along a shipped road at random poses near the lane centre, by section of the road."""
     rng = np.random.default_rng((seed, 1))
     road = load_road(name)
@@ -150,4 +150,4 @@ def circuit_frames(
             visible=True,
         )
         sections[road.section_at(station_m).name].append(frame)
-    return {section: shot.labelled(frames) for section, frames in sections.items()}
+    return {section: shot.label_frames(frames) for section, frames in sections.items()}

@@ -56,7 +56,7 @@ class SteerNetwork(nn.Module):
         return (self.lane_spread[:COURSE_SIZE] * self.command_row).norm()
 
 
-class Exported(nn.Module):
+class ExportedNetwork(nn.Module):
     """The network with outputs in SI units: lane (n, 5), σ of κ_cmd [1/m] (n,), probability of a road (n,)."""
 
     def __init__(self, network: SteerNetwork) -> None:
@@ -101,7 +101,7 @@ def export(network: SteerNetwork, path: Path) -> None:
     """Write the network as one ONNX file with a free batch size."""
     image = torch.from_numpy(np.zeros((2, 66, 200, 3), np.uint8))
     torch.onnx.export(
-        Exported(network).eval(),
+        ExportedNetwork(network).eval(),
         (image,),
         str(path),
         input_names=["image"],

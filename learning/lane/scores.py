@@ -16,7 +16,7 @@ ECE_BINS = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Labelled:
+class LabelledFrames:
     """Canonical images with the lane in them."""
 
     images: Image  # (n, height, width, 3)
@@ -26,9 +26,9 @@ class Labelled:
     def __len__(self) -> int:
         return len(self.images)
 
-    def part(self, chosen: Mask) -> "Labelled":
+    def part(self, chosen: Mask) -> "LabelledFrames":
         """The frames where ``chosen``, shape (n,), is true."""
-        return Labelled(self.images[chosen], self.lanes[chosen], self.visible[chosen])
+        return LabelledFrames(self.images[chosen], self.lanes[chosen], self.visible[chosen])
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ def auroc(score: Array, positive: Mask) -> float:
 
 
 def scores(
-    network: Network, data: Labelled, task: PursuitTask, calibration: Calibration, *, scale: float = 1.0
+    network: Network, data: LabelledFrames, task: PursuitTask, calibration: Calibration, *, scale: float = 1.0
 ) -> dict[str, float]:
     """Errors on the frames with a visible road: mean absolute errors except where named otherwise.
 
@@ -139,14 +139,14 @@ def scores(
     return {name: round(float(value), 5) for name, value in named.items()}
 
 
-def nonsense_seen(network: Network, data: Labelled, *, seed: int) -> dict[str, float]:
+def nonsense_shares(network: Network, data: LabelledFrames, *, seed: int) -> dict[str, float]:
     """False positives: share of images without a road, and of over-exposed frames, with an estimate."""
     rng = np.random.default_rng((seed, 2))
     images = np.stack([nonsense(image, rng) for image in data.images[data.visible]])
     blind = data.images[~data.visible]
 
-    def seen(frames: Image) -> float:
+    def share_with_road(frames: Image) -> float:
         return round(float(np.mean(outputs(network, frames)[2] > 0.5)), 5) if len(frames) else 0.0
 
     counts = {"frames": float(len(images)), "blind_frames": float(len(blind))}
-    return counts | {"seen": seen(images), "blind_seen": seen(blind)}
+    return counts | {"seen": share_with_road(images), "blind_seen": share_with_road(blind)}

@@ -12,7 +12,7 @@ import typer
 
 from learning.drawn_frames import UNMARKED_WIDTH_M, WIDTH_M
 from learning.lane.frames import TrainingShot, circuit_frames, mounted_frames, random_frames
-from learning.lane.scores import Labelled, PursuitTask, calibrate, nonsense_seen, predict, scores
+from learning.lane.scores import LabelledFrames, PursuitTask, calibrate, nonsense_shares, predict, scores
 from learning.lane.world import add_world, limits
 from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say, ship
 from perception.net.canonical import crop_camera
@@ -111,13 +111,13 @@ def run(
         raise InputError(
             f"{fresh}: the export differs from the trained network by {difference:.2g}; not shipped"
         )
-    task, calibration = _calibrated(recipe, exported, data["validation"], wheelbase_m)
+    task, calibration = _calibrate(recipe, exported, data["validation"], wheelbase_m)
     elsewhere = mounted_frames(shot, seed=recipe.seed, folder=out / "mounts", reuse=resume, report=say)
     sets = {"test_roads": data["test"], **circuit_frames(shot, CIRCUIT, seed=recipe.seed)}
     measured = {name: scores(exported, frames, task, calibration) for name, frames in sets.items()}
     for name, (frames, scale) in elsewhere.items():
         measured[name] = scores(exported, frames, task, calibration, scale=scale)
-    measured["nonsense"] = nonsense_seen(exported, data["test"], seed=recipe.seed)
+    measured["nonsense"] = nonsense_shares(exported, data["test"], seed=recipe.seed)
     command = f"trepid train-lane --frames {recipe.frames} --epochs {recipe.epochs} --seed {recipe.seed}"
     command += "".join(f" --unlabelled {name}" for name in drives.names)
     record = SteerNetRecord(
@@ -149,8 +149,8 @@ def seen_widths_m(factor: float) -> tuple[float, float]:
     return round(min(widths_m) / factor, 2), round(max(widths_m) * factor, 2)
 
 
-def _calibrated(
-    recipe: "Recipe", network: Network, validation: Labelled, wheelbase_m: float
+def _calibrate(
+    recipe: "Recipe", network: Network, validation: LabelledFrames, wheelbase_m: float
 ) -> tuple[PursuitTask, Calibration]:
     """The task of the network, and the calibration of its confidence."""
     from learning.lane.network import command_row

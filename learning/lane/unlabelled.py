@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from learning.lane.scores import Labelled, Prediction, PursuitTask
+from learning.lane.scores import LabelledFrames, Prediction, PursuitTask
 from perception.api import cameras
 from perception.images.frames import FrameResult, Unread, results
 from perception.images.sources import Source
@@ -50,7 +50,7 @@ class SelfTraining(Settings):
 
 
 @dataclass(frozen=True, slots=True)
-class Unlabelled:
+class UnlabelledFrames:
     """Canonical images of drives, in the order of the drives."""
 
     images: Image  # (n, height, width, 3)
@@ -68,12 +68,14 @@ class Unlabelled:
         return digest.hexdigest() if len(self) else ""
 
 
-def none_of(canonical: Camera) -> Unlabelled:
+def none_of(canonical: Camera) -> UnlabelledFrames:
     """No frames."""
-    return Unlabelled(np.empty((0, canonical.height_px, canonical.width_px, 3), np.uint8), np.empty(0, int))
+    return UnlabelledFrames(
+        np.empty((0, canonical.height_px, canonical.width_px, 3), np.uint8), np.empty(0, int)
+    )
 
 
-def read_drives(paths: Sequence[Path], canonical: Camera, *, most_frames: int) -> Unlabelled:
+def read_drives(paths: Sequence[Path], canonical: Camera, *, most_frames: int) -> UnlabelledFrames:
     """The first ``most_frames`` frames of each of ``paths``, of which a folder of images is one drive.
 
     Camera: that of a recording, else of the car in use, else self-calibrated. Raises InputError.
@@ -83,24 +85,24 @@ def read_drives(paths: Sequence[Path], canonical: Camera, *, most_frames: int) -
     drives: list[int] = []
     for number, path in enumerate(paths):
         seen = results(
-            [path], camera_for, partial(_warped, canonical), Unread(strict=True), drive_fps=NOMINAL_FPS
+            [path], camera_for, partial(_image_warp, canonical), Unread(strict=True), drive_fps=NOMINAL_FPS
         )
         with closing(seen):
-            drive = [_sized(frame) for frame in islice(seen, most_frames)]
+            drive = [_check_size(frame) for frame in islice(seen, most_frames)]
         images += drive
         drives += [number] * len(drive)
     if not images:
         return none_of(canonical)
-    return Unlabelled(np.stack(images), np.array(drives, int), tuple(path.name for path in paths))
+    return UnlabelledFrames(np.stack(images), np.array(drives, int), tuple(path.name for path in paths))
 
 
-def _warped(canonical: Camera, _: Source, camera: Camera) -> Callable[[Frame], Image | None]:
+def _image_warp(canonical: Camera, _: Source, camera: Camera) -> Callable[[Frame], Image | None]:
     """The canonical image of each frame of ``camera``; None for one of another size."""
     view, size = CanonicalView(camera, canonical), (camera.height_px, camera.width_px)
     return lambda frame: view.image(as_bgr(frame.image)) if frame.image.shape[:2] == size else None
 
 
-def _sized(frame: FrameResult[Image | None]) -> Image:
+def _check_size(frame: FrameResult[Image | None]) -> Image:
     """The canonical image. Raises InputError for an image of another size than the first of its drive."""
     if frame.result is None:
         height, width = frame.image.shape[:2]
@@ -110,12 +112,12 @@ def _sized(frame: FrameResult[Image | None]) -> Image:
     return frame.result
 
 
-def self_labelled(
-    predict: Callable[[Image], Prediction], frames: Unlabelled, task: PursuitTask, *, agree_rad: float
-) -> Labelled:
+def label_by_network(
+    predict: Callable[[Image], Prediction], frames: UnlabelledFrames, task: PursuitTask, *, agree_rad: float
+) -> LabelledFrames:
     """The frames in which the network is consistent, with its lanes."""
     if not len(frames):
-        return Labelled(frames.images, np.empty((0, len(MIRRORED)), np.float32), np.empty(0, bool))
+        return LabelledFrames(frames.images, np.empty((0, len(MIRRORED)), np.float32), np.empty(0, bool))
     plain, mirror = predict(frames.images), predict(np.ascontiguousarray(frames.images[:, :, ::-1]))
     lanes = (plain.lanes + MIRRORED * mirror.lanes) / 2
     angles_rad = task.road_wheel_angle(lanes)
@@ -123,7 +125,7 @@ def self_labelled(
     steady = np.abs(sides_rad[0] - sides_rad[1]) <= agree_rad
     steady &= np.minimum(plain.visible, mirror.visible) > LEAST_VISIBLE
     steady &= _like_neighbours(angles_rad, frames.drives, agree_rad)
-    return Labelled(frames.images, lanes.astype(np.float32), np.ones(len(frames), bool)).part(steady)
+    return LabelledFrames(frames.images, lanes.astype(np.float32), np.ones(len(frames), bool)).part(steady)
 
 
 def _like_neighbours(angles_rad: NDArray[np.float64], drives: NDArray[np.int64], agree_rad: float) -> Mask:

@@ -76,7 +76,7 @@ def _batch(
     def normal(*shape: int) -> Tensor:
         return torch.randn(shape, generator=dice, device=device)
 
-    looked = _looked(labels, uniform(frames, STRIPS))
+    looked = _choose_strips(labels, uniform(frames, STRIPS))
     seen = images[chosen[:, None], looked].to(torch.float32)
     flipped = uniform(frames) < 0.5
     seen = torch.where(flipped[:, None, None, None, None], seen.flip(3), seen)
@@ -87,7 +87,7 @@ def _batch(
     return torch.clamp(seen * gain + noise, 0, 255), labels, looked
 
 
-def _looked(vehicles: Tensor, lots: Tensor) -> Tensor:
+def _choose_strips(vehicles: Tensor, lots: Tensor) -> Tensor:
     """Indices (n, STRIPS_PER_FRAME) of the strips of an epoch: those near vehicles first, then by ``lots``."""
     ahead_m = torch.where(vehicles[:, :, AHEAD] > 0.1, vehicles[:, :, AHEAD], torch.inf)
     strip_m = torch.from_numpy(DISTANCES_M).to(ahead_m)

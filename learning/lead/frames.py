@@ -24,7 +24,7 @@ from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.vehicles import Body, outline
 from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.appearance import Light
-from sim_harness.world.roads.disturbances import DisturbanceKind, disturbed
+from sim_harness.world.roads.disturbances import DisturbanceKind, disturb
 from sim_harness.world.roads.drawn import BendShape, random_segments
 from sim_harness.world.roads.elevation import ElevationPoint
 from sim_harness.world.roads.features import MarkKind, RoadMark
@@ -97,7 +97,7 @@ def lead_road(seed: int, camera: Camera, *, frames: int, hills: float = 0.0) -> 
         else []
     )
     disturbances = [] if hilly else disturbances
-    road = Road(disturbed(road.settings, disturbances))
+    road = Road(disturb(road.settings, disturbances))
     ground = Ground(road, seed=seed)
     samples: list[LeadSample] = []
     for _ in range(CAMERAS_PER_ROAD):
@@ -163,7 +163,7 @@ def _twins(
         )
         if cluttered_by is None:
             return image
-        return cluttered(image, renderer.camera, seen, np.random.default_rng(cluttered_by))
+        return add_clutter(image, renderer.camera, seen, np.random.default_rng(cluttered_by))
 
     full, empty = image_of(vehicles), image_of(())
     difference = np.abs(full.astype(np.float32) - empty).mean(axis=2)
@@ -276,7 +276,7 @@ def random_body(rng: np.random.Generator) -> Body:
     )
 
 
-def cluttered(
+def add_clutter(
     image: Image, camera: Camera, vehicles: list[tuple[Pose, Body]], rng: np.random.Generator
 ) -> Image:
     """``image`` with posts, walls and signs beside the vehicles: upright, not of the size of a vehicle."""

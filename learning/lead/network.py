@@ -107,7 +107,7 @@ class ExportedLeadNetwork(nn.Module):
         return torch.cat([torch.sigmoid(raw[:, :1]), raw[:, 1:]], dim=1)
 
 
-def trained(path: Path) -> LeadNetwork:
+def load_network(path: Path) -> LeadNetwork:
     """The network of an ONNX file that ``export`` wrote. Raises ValueError for another network.
 
     The export has folded the normalisation into the convolutions, so it is the identity here: fit it in mode eval.

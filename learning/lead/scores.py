@@ -65,10 +65,10 @@ def match(truth: NDArray[np.float32], found: Sequence[Found], *, reach_m: float)
         close = [(abs(math.log(answer[0] / row[0])), i) for i, row in enumerate(free) if _same(row, answer)]
         if close:
             row = free.pop(min(close)[1])
-            pairs.append(Match(row, answer, _asked(row, reach_m)))
+            pairs.append(Match(row, answer, _is_asked(row, reach_m)))
         else:
             pairs.append(Match(None, answer, asked=answer[0] <= reach_m))
-    return pairs + [Match(row, None, _asked(row, reach_m)) for row in free]
+    return pairs + [Match(row, None, _is_asked(row, reach_m)) for row in free]
 
 
 def _same(row: NDArray[np.float32], answer: Found) -> bool:
@@ -76,7 +76,7 @@ def _same(row: NDArray[np.float32], answer: Found) -> bool:
     return abs(math.log(answer[0] / row[0])) < math.log(SAME_RATIO) and abs(answer[1] - row[1]) < aside_m
 
 
-def _asked(row: NDArray[np.float32], reach_m: float) -> bool:
+def _is_asked(row: NDArray[np.float32], reach_m: float) -> bool:
     return bool(row[3] >= MIN_VISIBLE and row[0] <= reach_m and abs(row[1]) <= BESIDE_M)
 
 

@@ -23,7 +23,7 @@ from learning.lead.scores import (
     match,
     scores,
 )
-from learning.rendered import SHIPPED, Part, WeightsFolder, cores, need_torch, origin, rendered, say, ship
+from learning.rendered import SHIPPED, Part, WeightsFolder, cores, need_torch, origin, render_roads, say, ship
 from perception.lead.detection import Platt, Record, peaks
 from perception.lead.view import COLUMNS, ROWS, STRIPS
 from perception.net.session import load_record, open_session
@@ -73,28 +73,30 @@ def train_lead(
     """Train the lead detector on rendered vehicles and write its weights; needs the extra 'train'."""
     need_torch("train-lead")
     from learning.lead.fit import fit
-    from learning.lead.network import export, trained
+    from learning.lead.network import export, load_network
 
     started_s = time.monotonic()
-    used, jobs = fitted_on(device), jobs or cores()
+    used, jobs = torch_device(device), jobs or cores()
     held_back = min(roads // HELD_BACK_SHARE, HELD_BACK_ROADS)
     counts = dict(train=roads, validation=held_back, test=held_back)
     before = "" if start is None else f"{load_record(start, Record).command}; "
     part = partial(_part, load(CONFIG_DIR / "camera.yaml", Camera), hills)
     paths = {
         split: list(
-            rendered(part, split, count, seed=seed, folder=out, reuse=resume, key=f"hills {hills}", jobs=jobs)
+            render_roads(
+                part, split, count, seed=seed, folder=out, reuse=resume, key=f"hills {hills}", jobs=jobs
+            )
         )
         for split, count in counts.items()
     }
-    strips, vehicles = _loaded(paths["train"])
+    strips, vehicles = _load_frames(paths["train"])
     say(f"fit to {len(strips)} frames on {used}")
-    known = None if start is None else trained(start)
+    known = None if start is None else load_network(start)
     network = fit(strips, vehicles, epochs=epochs, seed=seed, report=say, device=used, start=known)
     fresh = out / "lead_net.onnx"
     export(network, fresh)
     calibration = calibrate(
-        [one for frame in _judged(fresh, paths["validation"], jobs) for one in frame.matches]
+        [one for frame in _judge_all(fresh, paths["validation"], jobs) for one in frame.matches]
     )
     command = (
         f"trepid train-lead --roads {roads} --epochs {epochs} --seed {seed} --hills {hills:g} --device {used}"
@@ -106,14 +108,14 @@ def train_lead(
         calibration=calibration,
         min_probability=MIN_PROBABILITY,
         frames=len(strips),
-        **measured(_judged(fresh, paths["test"], jobs), calibration),
+        **measure_scores(_judge_all(fresh, paths["test"], jobs), calibration),
     )
     ship(fresh, record, weights)
     say(f"{(time.monotonic() - started_s) / 60:.1f} min")
     typer.echo(json.dumps(record.scores, indent=1))
 
 
-def fitted_on(device: Device) -> str:
+def torch_device(device: Device) -> str:
     """The device of torch that ``device`` means here. Raises InputError for a GPU that is not there."""
     import torch
 
@@ -134,7 +136,7 @@ def _part(camera: Camera, hills: float, seed: int) -> Part:
     )
 
 
-def _loaded(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray]:
+def _load_frames(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray]:
     """Strips and vehicles of all frames, without a second copy of them in memory."""
     number = len(paths) * FRAMES_PER_ROAD
     strips = np.empty((number, STRIPS, ROWS, COLUMNS, 3), np.uint8)
@@ -146,12 +148,12 @@ def _loaded(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray]:
     return strips, vehicles
 
 
-def _judged(network: Path, paths: Sequence[Path], jobs: int) -> list[FrameMatches]:
+def _judge_all(network: Path, paths: Sequence[Path], jobs: int) -> list[FrameMatches]:
     """The detections of ``network`` in the frames of ``paths`` beside the truth."""
-    return [frame for frames in imap(partial(judged, network), paths, jobs) for frame in frames]
+    return [frame for frames in imap(partial(judge_road, network), paths, jobs) for frame in frames]
 
 
-def judged(network: Path, path: Path) -> list[FrameMatches]:
+def judge_road(network: Path, path: Path) -> list[FrameMatches]:
     """The detections of ``network`` in the frames of one road beside the truth."""
     runner = open_session(network)
     with np.load(path) as part:
@@ -165,27 +167,32 @@ def judged(network: Path, path: Path) -> list[FrameMatches]:
     return found
 
 
-def measured(frames: Sequence[FrameMatches], calibration: Platt) -> dict[str, Any]:
+def measure_scores(frames: Sequence[FrameMatches], calibration: Platt) -> dict[str, Any]:
     """The fields ``scores``, ``by_distance`` and ``by_weather`` of the record; detections count from SURE on."""
     frames = [
-        frame._replace(matches=[_calibrated(one, calibration) for one in frame.matches]) for frame in frames
+        frame._replace(matches=[_calibrate_match(one, calibration) for one in frame.matches])
+        for frame in frames
     ]
     matches = [one for frame in frames for one in frame.matches]
     whole = scores(matches, min_probability=SURE)
     whole["false_leaders_per_1000_frames"] = false_leaders(frames, min_probability=SURE)
     return dict(
-        scores=_rounded(whole),
-        by_distance={name: _rounded(row) for name, row in by_distance(matches, min_probability=SURE).items()},
-        by_weather={name: _rounded(row) for name, row in by_weather(frames, min_probability=SURE).items()},
+        scores=_round_figures(whole),
+        by_distance={
+            name: _round_figures(row) for name, row in by_distance(matches, min_probability=SURE).items()
+        },
+        by_weather={
+            name: _round_figures(row) for name, row in by_weather(frames, min_probability=SURE).items()
+        },
     )
 
 
-def _calibrated(one: Match, calibration: Platt) -> Match:
+def _calibrate_match(one: Match, calibration: Platt) -> Match:
     if one.found is None:
         return one
     ahead_m, left_m, width_m, probability = one.found
     return one._replace(found=(ahead_m, left_m, width_m, calibration(probability)))
 
 
-def _rounded(figures: Figures) -> Figures:
+def _round_figures(figures: Figures) -> Figures:
     return {name: round(value, 4) for name, value in figures.items()}

@@ -38,32 +38,32 @@ class WithoutPast(nn.Module):
 
 def inception_v3(size: Size, head: Head) -> SteeringNetwork:
     """InceptionV3 and the top. Its trunk reads −1 to 1, as Keras and the public weights of TensorFlow."""
-    return _built(size, head, InceptionV3(), InputView(scaling="signed"))
+    return _build(size, head, InceptionV3(), InputView(scaling="signed"))
 
 
 def vgg16(size: Size, head: Head) -> SteeringNetwork:
     """VGG16 and the top."""
-    return _built(size, head, VGG(VGG16), InputView(scaling="imagenet"))
+    return _build(size, head, VGG(VGG16), InputView(scaling="imagenet"))
 
 
 def vgg19(size: Size, head: Head) -> SteeringNetwork:
     """VGG19 and the top."""
-    return _built(size, head, VGG(VGG19), InputView(scaling="imagenet"))
+    return _build(size, head, VGG(VGG19), InputView(scaling="imagenet"))
 
 
 def rnn_as_printed(size: Size, head: Head) -> SteeringNetwork:
     """InceptionV3, the top, and SimpleRNN on sequences of length 1."""
-    return _built(
+    return _build(
         size, head, InceptionV3(), InputView(scaling="signed"), WithoutPast(SimpleRNN(DENSE, UNITS))
     )
 
 
 def rnn(size: Size, head: Head) -> SteeringNetwork:
     """InceptionV3, the top, and SimpleRNN on true sequences, stateful at run time."""
-    return _built(size, head, InceptionV3(), InputView(scaling="signed"), memory=SimpleRNN(DENSE, UNITS))
+    return _build(size, head, InceptionV3(), InputView(scaling="signed"), memory=SimpleRNN(DENSE, UNITS))
 
 
-def _built(
+def _build(
     size: Size,
     head: Head,
     trunk: nn.Module,

@@ -94,7 +94,7 @@ def efficientnet_lite0(size: Size, head: Head) -> SteeringNetwork:
     return SteeringNetwork(size, InputView(scaling="signed"), EfficientNetLite0(), top, head)
 
 
-def packaged() -> Path | None:
+def packaged_weights() -> Path | None:
     """The file of ImageNet weights of the package; None where it is not installed."""
     from importlib.util import find_spec
 

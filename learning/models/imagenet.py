@@ -50,7 +50,7 @@ class BlockA(nn.Module):
             self.branch1x1(x),
             self.branch5x5_2(self.branch5x5_1(x)),
             double,
-            self.branch_pool(_pooled(x)),
+            self.branch_pool(_pool(x)),
         ]
         return torch.cat(branches, 1)
 
@@ -92,7 +92,7 @@ class BlockC(nn.Module):
         single = self.branch7x7_3(self.branch7x7_2(self.branch7x7_1(x)))
         double = self.branch7x7dbl_3(self.branch7x7dbl_2(self.branch7x7dbl_1(x)))
         double = self.branch7x7dbl_5(self.branch7x7dbl_4(double))
-        return torch.cat([self.branch1x1(x), single, double, self.branch_pool(_pooled(x))], 1)
+        return torch.cat([self.branch1x1(x), single, double, self.branch_pool(_pool(x))], 1)
 
 
 class BlockD(nn.Module):
@@ -141,7 +141,7 @@ class BlockE(nn.Module):
             self.branch1x1(x),
             *(self.branch3x3_2a(single), self.branch3x3_2b(single)),
             *(self.branch3x3dbl_3a(double), self.branch3x3dbl_3b(double)),
-            self.branch_pool(_pooled(x)),
+            self.branch_pool(_pool(x)),
         ]
         return torch.cat(branches, 1)
 
@@ -175,7 +175,7 @@ class InceptionV3(nn.Sequential):
             self.add_module(name, part)
 
 
-def _pooled(x: Tensor) -> Tensor:
+def _pool(x: Tensor) -> Tensor:
     return nn.functional.avg_pool2d(x, 3, 1, 1)
 
 

@@ -43,12 +43,12 @@ def fetch_network(
         Segmenter(file, about)  # raises InputError where it is another network
         store(path, file.read_bytes())
     else:
-        store(path, _published(name, about, file))
+        store(path, _published_file(name, about, file))
     print(f"licence: {about.licence}")
     print(path)
 
 
-def _published(name: str, about: SegmentNetwork, file: Path | None) -> bytes:
+def _published_file(name: str, about: SegmentNetwork, file: Path | None) -> bytes:
     """The ONNX file of what the publisher offers, or of the same in ``file``. Raises InputError."""
     if about.fetch is None:
         raise InputError(f"network {name}: its description names no address; `--file F.onnx` takes a file")

@@ -51,7 +51,7 @@ class Active(nn.Module):
         return found
 
 
-class Convolved(Active):
+class Convolution(Active):
     """A convolution, normalised and activated."""
 
     def __init__(self, inputs: int, outputs: int, size: int, stride: int = 1) -> None:
@@ -63,7 +63,7 @@ class Convolved(Active):
         return super().forward(self.conv(x))
 
 
-class Enlarged(Active):
+class Enlargement(Active):
     """Twice the height and the width."""
 
     def __init__(self, inputs: int, outputs: int) -> None:
@@ -86,7 +86,7 @@ class Pyramid(nn.Module):
         for dilation in DILATIONS:
             setattr(self, f"d{dilation}", Bare(branch, branch, 3, dilation=dilation))
 
-    def joined(self, x: Tensor) -> Tensor:
+    def join(self, x: Tensor) -> Tensor:
         """The branches side by side."""
         reduced = self.c1(x)
         parts, total = [self.d1(reduced)], None
@@ -97,7 +97,7 @@ class Pyramid(nn.Module):
         return torch.cat(parts, 1)
 
 
-class Halved(Pyramid):
+class Halving(Pyramid):
     """A pyramid of half the height and the width."""
 
     def __init__(self, inputs: int, outputs: int) -> None:
@@ -107,7 +107,7 @@ class Halved(Pyramid):
 
     def forward(self, x: Tensor) -> Tensor:
         """The layer of ``x``."""
-        found: Tensor = self.act(self.bn(self.joined(x)))
+        found: Tensor = self.act(self.bn(self.join(x)))
         return found
 
 
@@ -120,7 +120,7 @@ class Residual(Pyramid):
 
     def forward(self, x: Tensor) -> Tensor:
         """The layer of ``x``."""
-        found: Tensor = self.bn(x + self.joined(x))
+        found: Tensor = self.bn(x + self.join(x))
         return found
 
 
@@ -164,17 +164,17 @@ class Encoder(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         second, third = PYRAMIDS
-        self.level1 = Convolved(3, 16, 3, 2)
-        self.b1 = Convolved(19, 19, 3)
-        self.level2_0 = Halved(19, 64)
+        self.level1 = Convolution(3, 16, 3, 2)
+        self.b1 = Convolution(19, 19, 3)
+        self.level2_0 = Halving(19, 64)
         self.level2 = nn.Sequential(*(Residual(64) for _ in range(second)))
-        self.b2 = Convolved(131, 131, 3)
-        self.level3_0 = Halved(131, 128)
+        self.b2 = Convolution(131, 131, 3)
+        self.level3_0 = Halving(131, 128)
         self.level3 = nn.Sequential(*(Residual(128) for _ in range(third)))
-        self.b3 = Convolved(256, 32, 3)
+        self.b3 = Convolution(256, 32, 3)
         self.sa, self.sc = PlaceAttention(32), ChannelAttention()
-        self.conv_sa, self.conv_sc = Convolved(32, 32, 3), Convolved(32, 32, 3)
-        self.classifier = Convolved(32, 32, 1)
+        self.conv_sa, self.conv_sc = Convolution(32, 32, 3), Convolution(32, 32, 3)
+        self.classifier = Convolution(32, 32, 1)
         self.pool = nn.AvgPool2d(3, stride=2, padding=1)
 
     def forward(self, image: Tensor) -> Tensor:
@@ -193,8 +193,16 @@ class TwinLiteNet(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.encoder = Encoder()
-        self.up_1_1, self.up_2_1, self.classifier_1 = Enlarged(32, 16), Enlarged(16, 8), Enlarged(8, 2)
-        self.up_1_2, self.up_2_2, self.classifier_2 = Enlarged(32, 16), Enlarged(16, 8), Enlarged(8, 2)
+        self.up_1_1, self.up_2_1, self.classifier_1 = (
+            Enlargement(32, 16),
+            Enlargement(16, 8),
+            Enlargement(8, 2),
+        )
+        self.up_1_2, self.up_2_2, self.classifier_2 = (
+            Enlargement(32, 16),
+            Enlargement(16, 8),
+            Enlargement(8, 2),
+        )
 
     def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
         """Area and lines of ``image``."""

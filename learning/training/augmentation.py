@@ -34,7 +34,7 @@ class Augmenter:
         seed = int(rng.integers(2**63))
         flickers = np.random.default_rng((seed, FLICKER)).random() < self._settings.flicker
         places = [
-            self._moved(image, label, np.random.default_rng((seed, PLACE)))
+            self._move_camera(image, label, np.random.default_rng((seed, PLACE)))
             for image, label in zip(images, labels_rad, strict=True)
         ]
         moved, labels = zip(*places, strict=True)
@@ -44,17 +44,17 @@ class Augmenter:
         ]
         return np.stack(looks), np.array(labels, np.float32)
 
-    def _moved(self, image: Image, label_rad: float, rng: np.random.Generator) -> tuple[Image, float]:
+    def _move_camera(self, image: Image, label_rad: float, rng: np.random.Generator) -> tuple[Image, float]:
         """Seen from another place."""
         settings = self._settings
         if rng.random() < settings.flip:
-            image, label_rad = self.mirrored(image), -label_rad
+            image, label_rad = self.mirror_image(image), -label_rad
         if rng.random() < settings.viewpoint:
             left_m, turned_rad = rng.normal(0, (settings.viewpoint_m, settings.viewpoint_rad))
-            image = self.seen_from(image, left_m, turned_rad)
+            image = self.view_from(image, left_m, turned_rad)
             label_rad = self.returning(label_rad, left_m, turned_rad)
         if rng.random() < settings.shift:
-            image = _shifted(image, settings.shift_share, rng)
+            image = _shift(image, settings.shift_share, rng)
         return image, label_rad
 
     def _looking(self, image: Image, rng: np.random.Generator) -> Image:
@@ -72,7 +72,7 @@ class Augmenter:
             image = relight(image, rng, settings)
         return blemish(image, rng, settings, least_blur_px=LEAST_BLUR_PX)
 
-    def mirrored(self, image: Image) -> Image:
+    def mirror_image(self, image: Image) -> Image:
         """The image of the mirrored world.
 
         Its axis is the column in which the camera shows the far end of a straight road, not the middle of the
@@ -83,7 +83,7 @@ class Augmenter:
         matrix = np.array([[-1.0, 0.0, 2.0 * column_px], [0.0, 1.0, 0.0]])
         return as_pixels(cv2.warpAffine(image, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE))
 
-    def seen_from(self, image: Image, left_m: float, turned_rad: float) -> Image:
+    def view_from(self, image: Image, left_m: float, turned_rad: float) -> Image:
         """The flat road of ``image``, seen from ``left_m`` further left and turned by ``turned_rad`` to the left.
 
         The homography of the ground between the two places of the camera; what is above the horizon turns only.
@@ -112,7 +112,7 @@ class Augmenter:
         return math.atan(self._wheelbase_m * (curvature + back))
 
 
-def _shifted(image: Image, share: float, rng: np.random.Generator) -> Image:
+def _shift(image: Image, share: float, rng: np.random.Generator) -> Image:
     """Moved by up to ``share`` of the sides."""
     height, width = image.shape[:2]
     x_px, y_px = share * rng.uniform(-1, 1, 2) * (width, height)

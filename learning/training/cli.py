@@ -63,7 +63,7 @@ def train(
     refuse_own_start(start, out)
     recipe = load_recipe(name, config, overrides=parse_overrides(changes or []))
     need_torch("train")
-    from learning.dataset.card import counted
+    from learning.dataset.card import count_phrase
     from learning.dataset.dataset import Dataset
     from learning.training.run import run
 
@@ -78,7 +78,7 @@ def train(
     if as_json:
         print(json.dumps(found))
     else:
-        mae, routes = found["scores"]["mae_deg"], counted(len(found["trained_on"]), "route")
+        mae, routes = found["scores"]["mae_deg"], count_phrase(len(found["trained_on"]), "route")
         typer.echo(
             f"{out}: {found['parameters']} weights, {mae:.3f}° mean error on the validation frames;"
             f" trained on {routes}"

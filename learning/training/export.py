@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from learning.models.parts.network import Exported, SteeringNetwork
+from learning.models.parts.network import ExportedNetwork, SteeringNetwork
 from learning.training.frames import Frames
 from learning.unlike import attach
 from perception.net.session import open_session
@@ -67,7 +67,7 @@ def largest_difference(
         inputs.append(torch.from_numpy(state))
         names = [*names, "next_state"]
     with torch.no_grad():
-        wanted = dict(zip((*OUTPUTS, "next_state"), Exported(network)(*inputs), strict=False))
+        wanted = dict(zip((*OUTPUTS, "next_state"), ExportedNetwork(network)(*inputs), strict=False))
     found = open_session(path).run(names, feeds)
     pairs = ((wanted[name].numpy(), f) for name, f in zip(names, found, strict=True))
     return max(float(np.abs(w - f).max() / max(1.0, np.abs(w).max())) for w, f in pairs)
@@ -91,7 +91,7 @@ def _write(network: SteeringNetwork, path: Path) -> None:
         inputs.append(torch.zeros(2, network.memory.state_size))
         names, outputs = [*names, "state"], [*outputs, "next_state"]
     torch.onnx.export(
-        Exported(network).eval(),
+        ExportedNetwork(network).eval(),
         tuple(inputs),
         str(path),
         input_names=names,

@@ -28,7 +28,7 @@ def training_labels(data: Dataset, recipe: Recipe) -> Floats:
     delay_s = recipe.label_delay_s
     if delay_s == "measured":
         delay_s = measured_delay_s(data)
-    return treated(rows, delay_s=delay_s, smoothing_s=recipe.label_smoothing_s).astype(np.float32)
+    return treat_labels(rows, delay_s=delay_s, smoothing_s=recipe.label_smoothing_s).astype(np.float32)
 
 
 def measured_delay_s(data: Dataset) -> float:
@@ -42,7 +42,7 @@ def measured_delay_s(data: Dataset) -> float:
     return -found
 
 
-def treated(rows: Rows, *, delay_s: float, smoothing_s: float) -> Column:
+def treat_labels(rows: Rows, *, delay_s: float, smoothing_s: float) -> Column:
     """The labels of ``rows``, taken ``delay_s`` after each, as the mean under a normal curve of ``smoothing_s``.
 
     label'(t) = Σ_k w(t_k - t - delay)·label(t_k)/Σ_k w over the rows k of a part, w(x) = exp(-x²/2s²): without
@@ -56,12 +56,12 @@ def treated(rows: Rows, *, delay_s: float, smoothing_s: float) -> Column:
         t_s, label = rows["t_s"][first:end], rows["road_wheel_rad"][first:end]
         at_s = np.clip(t_s + delay_s, t_s[0], t_s[-1])
         found[first:end] = (
-            smoothed(t_s, label, at_s, smoothing_s) if smoothing_s else np.interp(at_s, t_s, label)
+            smooth(t_s, label, at_s, smoothing_s) if smoothing_s else np.interp(at_s, t_s, label)
         )
     return found
 
 
-def smoothed(t_s: Column, label: Column, at_s: Column, smoothing_s: float) -> Column:
+def smooth(t_s: Column, label: Column, at_s: Column, smoothing_s: float) -> Column:
     """The mean of ``label`` (n,), recorded at ``t_s``, under a normal curve about each ``at_s``.
 
     Interpolated where no label is within REACH.

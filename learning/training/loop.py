@@ -47,7 +47,7 @@ def optimiser(recipe: Recipe, stage: Stage, weights: Iterable[nn.Parameter]) -> 
     return torch.optim.SGD(weights, lr=rate, momentum=recipe.momentum, weight_decay=decay, nesterov=nesterov)
 
 
-def averaged(network: nn.Module, decay: float) -> AveragedModel | None:
+def averaged_model(network: nn.Module, decay: float) -> AveragedModel | None:
     """Exponential mean of weights and statistics; None where ``decay`` is 0.
 
     The decay of step n is min(decay, (1 + n)/(10 + n)): the first weights are soon forgotten.
@@ -126,7 +126,7 @@ class Trainer:
             parameter.requires_grad = stage.part == "all"
         weights = [p for p in self.network.parameters() if p.requires_grad]
         steps = optimiser(self.recipe, stage, weights)
-        mean = averaged(self.network, self.recipe.average)
+        mean = averaged_model(self.network, self.recipe.average)
         if saved is not None:
             steps.load_state_dict(saved["optimiser"])
             if mean is not None:
@@ -210,7 +210,7 @@ class Trainer:
     def _loss(self, batch: Batch) -> Tensor:
         device = self.network.scale_rad.device
         images, labels_rad, weights = (one.to(device) for one in batch)
-        with torch.autocast(device.type, torch.bfloat16, enabled=mixed(self.recipe, device)):
+        with torch.autocast(device.type, torch.bfloat16, enabled=uses_mixed_precision(self.recipe, device)):
             raw = self.network(images).float()
         if self.network.memory is not None:  # perhaps rows of the last frame alone
             labels_rad, weights = labels_rad[:, -raw.shape[1] :], weights[:, -raw.shape[1] :]
@@ -236,7 +236,7 @@ class Trainer:
         self.best, self.progress = saved["best"], Progress(**saved["progress"])
 
 
-def mixed(recipe: Recipe, device: torch.device) -> bool:
+def uses_mixed_precision(recipe: Recipe, device: torch.device) -> bool:
     """Whether layers compute in bfloat16."""
     return recipe.mixed_precision == "always" or (recipe.mixed_precision == "gpu" and device.type == "cuda")
 

@@ -18,7 +18,7 @@ QUICKEST_MPS2 = 3.5  # of a command with acceleration zero
 RESPONSE_S = 0.2  # of the speed near its goal
 
 
-def followed(command: Command, age_s: float, speed_mps: float, *, signed: bool = False) -> Command:
+def motion_of(command: Command, age_s: float, speed_mps: float, *, signed: bool = False) -> Command:
     """What ``command`` of the wire does to a car at ``speed_mps``, as a signed acceleration.
 
     Unless it is ``signed`` already, the acceleration is the rate of change to the target speed, up or down. A
@@ -47,7 +47,7 @@ def run(me: Process) -> None:
         now_s, command = me.now_s(), newest.refresh()
         begun = begun or (command is not None and command.t_s is not None)
         age_s = now_s - (newest.received_s or 0.0)
-        acting = followed(command, age_s, speed_mps, signed=signed) if begun and command else None
+        acting = motion_of(command, age_s, speed_mps, signed=signed) if begun and command else None
         state = car.step(acting, now_s=now_s)
         speed_mps = state.speed_mps or 0.0
         send(odometry_of(state) if reports.type is Odometry else state)

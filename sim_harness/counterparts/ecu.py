@@ -90,7 +90,7 @@ class Ecu:
 
     def reports(self, state: VehicleState, *, now_s: float, step_s: float) -> Iterable[tuple[Sender, bytes]]:
         """The reports of ``state`` that are due."""
-        if self._muted(now_s):
+        if self._is_mute(now_s):
             return
         quantities: Mapping[str, float] = of_state(state, steering_ratio=self._ratio)
         for k, sender in enumerate(self._senders):
@@ -100,11 +100,11 @@ class Ecu:
                 self._next_s[k] = (now_s if late else self._next_s[k]) + period_s
                 yield sender, sender.frame(quantities)
 
-    def _muted(self, now_s: float) -> bool:
+    def _is_mute(self, now_s: float) -> bool:
         mute_after_s = self._settings.mute_after_s
         return mute_after_s is not None and self._begun_s is not None and now_s - self._begun_s > mute_after_s
 
-    def refused(self) -> dict[str, int]:
+    def refused_frames(self) -> dict[str, int]:
         """Number of refused frames by message and reason."""
         return {
             f"refused {receiver.name} {why}": count
@@ -121,7 +121,7 @@ def run(me: Process) -> None:
     signals = load_map(settings.map_file, vehicle)
     ecu = Ecu(signals, EcuSettings.model_validate(options), steering_ratio=vehicle.steering_ratio)
     car, wire = CarBehindWire(me), CanWire(settings, ecu.receivers)
-    me.ready(values=lambda: tuple((name, str(count)) for name, count in ecu.refused().items()))
+    me.ready(values=lambda: tuple((name, str(count)) for name, count in ecu.refused_frames().items()))
     ticker, speed_mps, wheel_rad = Ticker(1 / car.settings.period_s), 0.0, 0.0
     try:
         while me.running():

@@ -101,14 +101,14 @@ class Bus:
         try:
             packet = client.recv(256)
             if packet:
-                client.send(self._transferred(packet))
+                client.send(self._transfer(packet))
                 return
         except OSError:
             pass  # the client has ended during the transfer
         self._selector.unregister(client)
         client.close()
 
-    def _transferred(self, packet: bytes) -> bytes:
+    def _transfer(self, packet: bytes) -> bytes:
         kind, address, *data = packet
         if address != self._address or not data or kind not in (READ, WRITE):
             return b"\1"

@@ -14,7 +14,7 @@ DRAG_MPS2 = 3.0
 DEAD_US = 5.0  # around neutral
 
 
-def followed(
+def motion_of(
     settings: RcSettings,
     pulses_us: tuple[float | None, float | None],
     speed_mps: float,
@@ -45,7 +45,9 @@ class RcCar:
     def step(self, steering_us: float | None, throttle_us: float | None, *, now_s: float) -> None:
         """One period with these pulses; None: no pulse. The run begins with the first pulse that drives."""
         most_mps2 = self._car.vehicle.max_accel_mps2
-        command = followed(self._settings, (steering_us, throttle_us), self.speed_mps, most_mps2, now_s=now_s)
+        command = motion_of(
+            self._settings, (steering_us, throttle_us), self.speed_mps, most_mps2, now_s=now_s
+        )
         self._begun = self._begun or command.speed_mps > 0.0
         state = self._car.step(command if self._begun else None, now_s=now_s)
         self.speed_mps = state.speed_mps or 0.0

@@ -7,7 +7,7 @@ from perception.api import Paths, as_paths, cameras, check_estimator, in_car
 from perception.estimators import ESTIMATORS
 from perception.images.frames import FrameResult, Unread
 from sim_harness.footage.frame_fear import fear_results, given_motion
-from sim_harness.footage.onlooker import Onlooked
+from sim_harness.footage.onlooker import FrameJudgement
 from trepid.images.files import NOMINAL_FPS
 
 
@@ -24,7 +24,7 @@ def rate(
     fps: float = NOMINAL_FPS,
     strict: bool = True,
     unread: Unread | None = None,
-) -> Iterator[FrameResult[Onlooked]]:
+) -> Iterator[FrameResult[FrameJudgement]]:
     """The fear of every frame of ``inputs``, as ``trepid estimate --fear`` gives it.
 
     ``result`` of each frame has ``estimates`` (by name), ``lead`` (None: no detector ran) and ``decision``, a
@@ -34,8 +34,8 @@ def rate(
     parameters are those of :func:`trepid.estimate`. Raises InputError at the first frame that is asked for.
     """
 
-    def begin() -> Iterator[FrameResult[Onlooked]]:
-        names = rated(estimators)
+    def begin() -> Iterator[FrameResult[FrameJudgement]]:
+        names = estimators_to_rate(estimators)
         for name in names:
             check_estimator(name)
         camera_for, assumed = cameras(None if camera is None else Path(camera))
@@ -56,6 +56,6 @@ def rate(
     return in_car(car, begin())
 
 
-def rated(estimators: Iterable[str]) -> tuple[str, ...]:
+def estimators_to_rate(estimators: Iterable[str]) -> tuple[str, ...]:
     """The estimators of a rating, each once: ``cv`` and ``cnn``, then the given ones."""
     return tuple(dict.fromkeys((*ESTIMATORS, *estimators)))

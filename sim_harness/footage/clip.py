@@ -111,7 +111,7 @@ def load_drive(
         if speed_mps is not None:
             stations_m = cumulative_trapezoid(np.maximum(speeds, CRAWL_MPS), t_s, initial=0.0)
             t_s, speeds = stations_m / speed_mps, np.full(len(images), speed_mps)
-    frames = [undistorted(image, camera) for image in images]
+    frames = [undistort(image, camera) for image in images]
     return ClipFrames(path.name, frames, t_s, speeds, camera.model_copy(update={"distortion": ()}))
 
 
@@ -198,7 +198,7 @@ def _udacity(path: Path, line: int, row: list[str]) -> tuple[float, float]:
     return t_s, speed * MPS_PER_MPH
 
 
-def undistorted(image: Image, camera: Camera) -> Image:
+def undistort(image: Image, camera: Camera) -> Image:
     """``image`` of ``camera`` without the distortion of its lens."""
     if not any(camera.distortion):
         return image

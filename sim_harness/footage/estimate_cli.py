@@ -108,12 +108,15 @@ def estimate(
         "unread": unread,
     }
     if fear:
-        from sim_harness.footage.api import rate, rated  # a tenth of a second, for this option only
+        from sim_harness.footage.api import (
+            estimators_to_rate,
+            rate,
+        )  # a tenth of a second, for this option only
         from sim_harness.footage.frame_fear import fears
 
         if lead_settings(detector).detector is None and not all(map(is_recording, inputs)):
             note(NO_DETECTOR)
-        names = rated({estimator} - {LEAD})
+        names = estimators_to_rate({estimator} - {LEAD})
         found = rate(inputs, names, speed_mps=speed, speeds=speeds, detector=detector, **given)
         show(found, fears(names), inputs, annotate=annotate, as_json=as_json)
     elif estimator == LEAD:

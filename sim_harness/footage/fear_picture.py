@@ -5,7 +5,7 @@ import numpy as np
 
 from perception.images.annotate import PANEL, enlarge, with_decision, with_lane
 from perception.images.frames import FrameResult
-from sim_harness.footage.onlooker import Onlooked
+from sim_harness.footage.onlooker import FrameJudgement
 from trepid.bounds import at_least
 from trepid.messages import PixelPath, SteeringEstimate
 from trepid.types import Image
@@ -13,23 +13,23 @@ from trepid.types import Image
 DASHED = (255, 90, 255)  # an outline of a lane without detected boundaries
 
 
-def drawn(one: FrameResult[Onlooked]) -> Image:
+def draw_fear(one: FrameResult[FrameJudgement]) -> Image:
     """The frame with both lanes and a strip with what the supervisor decided."""
     return with_decision(with_lanes(one.image, one.result), one.result.decision, one.result.estimates)
 
 
-def with_lanes(image: Image, seen: Onlooked) -> Image:
+def with_lanes(image: Image, seen: FrameJudgement) -> Image:
     """A copy of ``image``, at least 640 px wide: detected boundaries as lines, others dashed."""
     measured = [e for e in seen.estimates.values() if e.has_boundaries]
     canvas = with_lane(image, measured[0]) if measured else enlarge(image)[0]
     scale = canvas.shape[1] / image.shape[1]
     for found in seen.estimates.values():
         if not found.has_boundaries:
-            dashed(canvas, found, scale)
+            draw_dashes(canvas, found, scale)
     return canvas
 
 
-def dashed(canvas: Image, estimate: SteeringEstimate, scale: float) -> None:
+def draw_dashes(canvas: Image, estimate: SteeringEstimate, scale: float) -> None:
     """Draw the boundaries of ``estimate`` as dashes, fainter with less confidence."""
     unit = max(1, round(canvas.shape[1] / 480))
     fade = 0.35 + 0.65 * at_least(estimate.confidence, 0.0)

@@ -24,8 +24,8 @@ from perception.images.lane_rows import estimate_fields
 from perception.images.sources import Footage, Source
 from perception.lead.finder import LeadFinder, lead_finder, lead_settings
 from sim_harness.footage.clip import read_log
-from sim_harness.footage.fear_picture import drawn
-from sim_harness.footage.onlooker import Given, Onlooked, Onlooker, Recorded, StateOf
+from sim_harness.footage.fear_picture import draw_fear
+from sim_harness.footage.onlooker import FrameJudgement, GivenSpeed, Onlooker, RecordedStates, StateOf
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -72,14 +72,14 @@ def given_motion(speed_mps: float | None, log: Path | None) -> GivenMotion | Non
     t_s, speeds_mps = read_log(log)
     yaws = _yaw_rates(log, len(t_s))
     return GivenMotion(
-        _logged(t_s, speeds_mps),
-        None if yaws is None else _logged(t_s, np.array(yaws)),
+        _interpolate_log(t_s, speeds_mps),
+        None if yaws is None else _interpolate_log(t_s, np.array(yaws)),
         float(speeds_mps.max()),
         logged=True,
     )
 
 
-def _logged(t_s: Array, values: Array) -> Callable[[float], float]:
+def _interpolate_log(t_s: Array, values: Array) -> Callable[[float], float]:
     """``values`` over the time since the first row; NaN outside the log, and in silences of SILENT_ROWS rows."""
     since_s = t_s - t_s[0]
     gap_s = max(GAP_S, SILENT_ROWS * float(np.median(np.diff(t_s)))) if len(t_s) > 1 else GAP_S
@@ -114,7 +114,7 @@ def fear_results(
     names: Sequence[str],
     *,
     drive_fps: float | None = None,
-) -> Iterator[FrameResult[Onlooked]]:
+) -> Iterator[FrameResult[FrameJudgement]]:
     """What estimators, lead detector and supervisor make of every frame. Raises InputError.
 
     ``names``: estimators, or files of driving networks. ``assumed``: no camera is given, and those of images and
@@ -132,7 +132,7 @@ def _step(
     names: Sequence[str],
     source: Source,
     camera: Camera,
-) -> Step[Onlooked]:
+) -> Step[FrameJudgement]:
     """A fresh onlooker for ``source``."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     state_of, cruise_mps = _states(given, source, camera, vehicle)
@@ -157,12 +157,12 @@ def _states(
         states = [state for _, state in read_recording(source.path, VEHICLE_STATE.key).of(VEHICLE_STATE)]
         if not states:
             raise InputError(f"{source.path}: holds no {VEHICLE_STATE.key}; give --speed or --speeds")
-        return Recorded(states), number_of(source.head.notes, CRUISE)
+        return RecordedStates(states), number_of(source.head.notes, CRUISE)
     if given is None:
         cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps * vehicle.scale
         note(f"{source.path}: no --speed given: {cruise_mps:g} m/s assumed")
-        return Given(camera, vehicle, lambda _: cruise_mps), None
-    states_at = Given(camera, vehicle, given.speed_mps_at, given.yaw_radps_at, logged=given.logged)
+        return GivenSpeed(camera, vehicle, lambda _: cruise_mps), None
+    states_at = GivenSpeed(camera, vehicle, given.speed_mps_at, given.yaw_radps_at, logged=given.logged)
     return states_at, given.top_mps if given.top_mps > 0 else None
 
 
@@ -174,7 +174,7 @@ def _finder(detector: Path | None, source: Source, camera: Camera, vehicle: Vehi
     return lead_finder(settings, camera, vehicle)
 
 
-def as_row(one: FrameResult[Onlooked]) -> dict[str, Any]:
+def as_row(one: FrameResult[FrameJudgement]) -> dict[str, Any]:
     """The JSON object of one frame."""
     seen, decision = one.result, one.result.decision
     return {
@@ -200,7 +200,7 @@ def as_row(one: FrameResult[Onlooked]) -> dict[str, Any]:
     }
 
 
-def _cells(one: FrameResult[Onlooked]) -> list[str]:
+def _cells(one: FrameResult[FrameJudgement]) -> list[str]:
     seen, decision = one.result, one.result.decision
     return [
         one.path.name,
@@ -218,12 +218,12 @@ def _cells(one: FrameResult[Onlooked]) -> list[str]:
     ]
 
 
-def fears(names: Iterable[str]) -> Sheet[Onlooked]:
+def fears(names: Iterable[str]) -> Sheet[FrameJudgement]:
     """The sheet of what estimators called ``names`` and the supervisor make of frames. Raises InputError."""
     return Sheet(
         as_row=as_row,
         columns=(*COLUMNS, *map(name_of, names), "lead m", "sight m", "by"),
         left={"file", "level", "cause", "mode", "path", "by"},
         cells=_cells,
-        draw=drawn,
+        draw=draw_fear,
     )

@@ -23,7 +23,7 @@ from perception.estimators import ESTIMATORS, build_beside
 from perception.images.outline import with_boundaries
 from perception.lead.finder import LeadFinder
 from perception.sight.judge import build as build_judge
-from sim_harness.footage.clip import undistorted
+from sim_harness.footage.clip import undistort
 from sim_harness.footage.resimulation import LATENCY_S, RUN_UP_S
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.car.camera import Camera
@@ -47,7 +47,7 @@ class StateOf(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Onlooked:
+class FrameJudgement:
     """What the stack makes of one frame."""
 
     estimates: Mapping[str, SteeringEstimate]
@@ -81,7 +81,7 @@ class Onlooker:
         self._lane: SteeringEstimate | None = None  # of the frame before, by the first estimator
         self._supervisor = supervisor.supervisor.build(cruise_speed_mps=cruise_speed_mps)
 
-    def step(self, frame: Frame) -> Onlooked:
+    def step(self, frame: Frame) -> FrameJudgement:
         """The estimates of ``frame`` and the decision after them. Estimates without boundaries are outlined."""
         state, t_s = self._state_of(frame), frame.t_s
         statistics = self._judge.step(frame, self._lane, state, now_s=t_s)
@@ -93,10 +93,10 @@ class Onlooker:
             found, statistics, lead, state, now_s=t_s + LATENCY_S, road_users=people
         )
         shown = {name: with_boundaries(one, self._camera, self._vehicle) for name, one in found.items()}
-        return Onlooked(shown, statistics, lead, decision)
+        return FrameJudgement(shown, statistics, lead, decision)
 
 
-class Recorded:
+class RecordedStates:
     """The recorded state at a frame: the newest one up to its capture."""
 
     odometry = StateOdometry.WAY_AND_TURN
@@ -110,7 +110,7 @@ class Recorded:
         return self._states[max(bisect_right(self._times_s, frame.t_s) - 1, 0)]
 
 
-class Given:
+class GivenSpeed:
     """The state at a given speed; the yaw rate is that of ``yaw_radps_at``, or measured in the images."""
 
     def __init__(
@@ -141,7 +141,7 @@ class Given:
         since_s = frame.t_s - self._first_s
         speed_mps = self._speed_mps_at(since_s)
         given = self._yaw_radps_at
-        yaw_radps = given(since_s) if given is not None else self._measured(frame, speed_mps)
+        yaw_radps = given(since_s) if given is not None else self._mean_yaw_rate_radps(frame, speed_mps)
         known = math.isfinite(yaw_radps) and math.isfinite(speed_mps)
         bend_1pm = yaw_radps / speed_mps if speed_mps > STANDING_MPS else 0.0
         angle_rad = road_wheel_angle(bend_1pm, wheelbase_m=self._vehicle.wheelbase_m)
@@ -153,11 +153,11 @@ class Given:
             driver_override=since_s < RUN_UP_S,
         )
 
-    def _measured(self, frame: Frame, speed_mps: float) -> float:
+    def _mean_yaw_rate_radps(self, frame: Frame, speed_mps: float) -> float:
         """Mean yaw rate [rad/s] of the last SMOOTH_S; NaN where none was measured. Of a first frame it is 0."""
         size = (self._camera.width_px, self._camera.height_px)
         small = cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
-        image = undistorted(small, self._camera)
+        image = undistort(small, self._camera)
         before, self._before = self._before, (frame.t_s, image)
         if before is None or speed_mps <= STANDING_MPS:
             return 0.0

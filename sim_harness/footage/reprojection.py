@@ -57,12 +57,12 @@ class Reprojection:
         """The new view of the recorded ``image``, and the share of its pixels outside the recorded image."""
         if max(abs(shift.ahead_m), abs(shift.left_m)) < NO_SHIFT_M and abs(shift.yaw_rad) < NO_SHIFT_RAD:
             return image, 0.0
-        seen = self._warped(image, shift, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
+        seen = self._warp(image, shift, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
         mask = np.full(image.shape[:2], 255, np.uint8)
-        covered = self._warped(mask, shift, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT)
+        covered = self._warp(mask, shift, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT)
         return seen, float(np.mean(covered == 0))
 
-    def _warped(self, image: Image, shift: PoseChange, flags: int, border: int) -> Image:
+    def _warp(self, image: Image, shift: PoseChange, flags: int, border: int) -> Image:
         """Sky above the horizon, which is level because the camera has no roll, and ground below it."""
         height, width = image.shape[:2]
         split = self._first_ground_row

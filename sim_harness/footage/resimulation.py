@@ -169,7 +169,7 @@ class _Loop:
         for tick in range(math.floor(self._drive.t_s[-1] / PERIOD_S) + 1):
             now_s = tick * PERIOD_S
             driven = now_s < self._hand_over_s
-            state = self._measured(now_s, driven=driven)
+            state = self._vehicle_state(now_s, driven=driven)
             if tick % CAMERA_TICKS == 0:
                 image, unseen = self._view(now_s)
                 frame = Frame(t_s=now_s, image=image)
@@ -203,7 +203,7 @@ class _Loop:
         )
         return self._reprojection.view(drive.frames[number], shift)
 
-    def _measured(self, now_s: float, *, driven: bool) -> VehicleState:
+    def _vehicle_state(self, now_s: float, *, driven: bool) -> VehicleState:
         return VehicleState(
             t_s=now_s,
             speed_mps=self._state.speed_mps,

@@ -24,7 +24,7 @@ def max_lateral_jerk_mps3(trace: Trace) -> float:
 
     The mean of a derivative is a difference quotient: (a_y(t + 0.5 s) - a_y(t)) / 0.5 s.
     """
-    return max((_max_mean_jerk(t_s, accel) for t_s, accel in _driven(trace)), default=0.0)
+    return max((_max_mean_jerk(t_s, accel) for t_s, accel in _driven_stretches(trace)), default=0.0)
 
 
 def max_r79_jerk_mps3(trace: Trace) -> float:
@@ -38,7 +38,7 @@ def max_r79_jerk_mps3(trace: Trace) -> float:
 
     sections = butter(R79_ORDER, R79_CUTOFF_HZ, fs=R79_RATE_HZ, output="sos")
     worst = 0.0
-    for t_s, accel in _driven(trace):
+    for t_s, accel in _driven_stretches(trace):
         even_s = np.arange(t_s[0], t_s[-1] + 1e-9, 1.0 / R79_RATE_HZ)
         even = np.interp(even_s, t_s, accel)
         filtered, _ = sosfilt(sections, even, zi=sosfilt_zi(sections) * even[0])
@@ -85,7 +85,7 @@ def _count_rises(points: Column, gap: float) -> int:
     return count
 
 
-def _driven(trace: Trace) -> Iterator[tuple[Column, Column]]:
+def _driven_stretches(trace: Trace) -> Iterator[tuple[Column, Column]]:
     """Times and lateral accelerations between interventions at least half a second apart."""
     jumps = np.flatnonzero(np.diff(trace["interventions"])) + 1
     for part in np.split(np.arange(len(trace)), jumps):

@@ -67,7 +67,7 @@ def measure(trace: Trace) -> Metrics:
     distance_m = float(trace["station_m"][-1] - trace["station_m"][0])
     interventions = int(trace["interventions"][-1])
     fear = driven_fear(trace)
-    engaged_percent = _engaged_percent(trace)
+    engaged_percent = _engaged_share_percent(trace)
     offset_m = trace["lateral_offset_m"]
     return Metrics(
         duration_s=duration_s,
@@ -134,14 +134,14 @@ def _least(values: Column) -> float | None:
     return float(finite.min()) if len(finite) else None
 
 
-def _held_s(t_s: Column) -> Column:
+def _hold_times_s(t_s: Column) -> Column:
     """How long each sample holds [s]; the last one ends the run."""
     return np.append(np.diff(t_s), 0.0)
 
 
 def _time_mean(t_s: Column, values: Column) -> float | None:
     """Mean over time of the finite ``values``; None when there are none."""
-    held_s = np.where(np.isfinite(values), _held_s(t_s), 0.0)
+    held_s = np.where(np.isfinite(values), _hold_times_s(t_s), 0.0)
     total_s = held_s.sum()
     return float((np.nan_to_num(values) * held_s).sum() / total_s) if total_s > 0.0 else None
 
@@ -151,9 +151,9 @@ def _has_mode(trace: Trace, modes: Collection[str]) -> NDArray[np.bool_]:
     return np.isin(trace["mode"], [i for i, word in enumerate(trace.words["mode"]) if word in modes])
 
 
-def _engaged_percent(trace: Trace) -> float:
+def _engaged_share_percent(trace: Trace) -> float:
     """Share of the time in a mode that drives [%]."""
-    held_s = _held_s(trace["t_s"])
+    held_s = _hold_times_s(trace["t_s"])
     return float(100.0 * held_s[_has_mode(trace, DRIVING)].sum() / held_s.sum())
 
 
@@ -167,5 +167,5 @@ def _stop_cause(trace: Trace) -> str | None:
 
 def _seconds_by_word(trace: Trace, label: str) -> dict[str, float]:
     """Seconds for which each word of a label column held, in order of first appearance."""
-    held_s, codes = _held_s(trace["t_s"]), trace[label]
+    held_s, codes = _hold_times_s(trace["t_s"]), trace[label]
     return {word: round(float(held_s[codes == i].sum()), 6) for i, word in enumerate(trace.words[label])}

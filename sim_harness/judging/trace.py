@@ -121,7 +121,7 @@ class Trace:
     def __len__(self) -> int:
         return len(self.columns["t_s"])
 
-    def joined(self, columns: Mapping[str, Column]) -> "Trace":
+    def with_columns(self, columns: Mapping[str, Column]) -> "Trace":
         """This trace with more columns, such as ``fault.frozen_camera``. Raises ValueError for wrong lengths."""
         for name, column in columns.items():
             if len(column) != len(self):
@@ -218,15 +218,15 @@ class Recorder:
             row += _ESTIMATE(estimate) if estimate else _NO_ESTIMATE
         self._rows.append(tuple(row))
         if len(self._rows) == BLOCK:
-            self._put_away()
+            self._store_block()
 
-    def _put_away(self) -> None:
+    def _store_block(self) -> None:
         self._blocks.add(np.array(self._rows, dtype=np.float64).reshape(-1, len(self._names)))
         self._rows.clear()
 
     def trace(self) -> Trace:
         """The trace of all samples so far."""
-        self._put_away()
+        self._store_block()
         table = self._blocks.table()
         table[np.isnan(table)] = math.nan  # one bit pattern for every NaN
         columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(self._names)}

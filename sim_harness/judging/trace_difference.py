@@ -18,7 +18,7 @@ def compare_traces(one: Path, other: Path) -> tuple[dict[str, Any], tuple[Trace,
     differs; None where all common samples of all common columns are equal.
     """
     a, b = Trace.load(one), Trace.load(other)
-    scores = [_scored(one, a), _scored(other, b)]
+    scores = [_scores(one, a), _scores(other, b)]
     return {
         "kind": "traces",
         "trace_sha256": [a.sha256, b.sha256],
@@ -58,7 +58,7 @@ def numbers(trace: Trace) -> dict[str, float | None]:
     return found
 
 
-def _scored(path: Path, trace: Trace) -> dict[str, float | None]:
+def _scores(path: Path, trace: Trace) -> dict[str, float | None]:
     try:
         return numbers(trace)
     except ValueError as error:

@@ -191,7 +191,7 @@ def course_of(
     """See :func:`drive.open_road.course_for`, which calls it. Raises InputError."""
     found = load_scenario(scenario, {**changes, **changes_of(estimators)})
     found.check()
-    found = found if duration_s is None else found.shortened(duration_s)
+    found = found if duration_s is None else found.shorten(duration_s)
     for what in lockstep_only(found):
         raise InputError(f"scenario {found.name}: {what} acts in lock-step only: trepid sim run")
     return ScenarioCourse(found)

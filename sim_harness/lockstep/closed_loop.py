@@ -319,7 +319,7 @@ class ClosedLoop:
             estimates = {name: o.step(shot.truth) for name, o in parts.oracles.items() if name not in lost}
         return Perception(
             now_s + self._scenario.camera.latency_s,
-            {name: self._falsified(name, estimate, now_s) for name, estimate in estimates.items()},
+            {name: self._falsify(name, estimate, now_s) for name, estimate in estimates.items()},
             self._judge(frame, state, now_s) if frame else clear_view(shot.truth.t_s, shot.sight),
             self._find_lead(shot, state, now_s) if "lead" not in lost else None,
             self._find_road_users(shot, lost),
@@ -353,14 +353,14 @@ class ClosedLoop:
             return None
         return parts.lead.road_users
 
-    def _falsified(self, name: str, estimate: SteeringEstimate, now_s: float) -> SteeringEstimate:
+    def _falsify(self, name: str, estimate: SteeringEstimate, now_s: float) -> SteeringEstimate:
         """``estimate`` under the faults of the estimator ``name`` that are active."""
         wheelbase_m = self._parts.vehicle.wheelbase_m
         for fault in self._scenario.faults:
             if not isinstance(fault, EstimatorBias | LostLane) or fault.estimator not in (name, None):
                 continue
             if fault.active(now_s):
-                estimate = fault.falsified(estimate, wheelbase_m=wheelbase_m)
+                estimate = fault.falsify(estimate, wheelbase_m=wheelbase_m)
         return estimate
 
 

@@ -20,7 +20,7 @@ class Outline:
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return self.x_m + x_m * cos - y_m * sin, self.y_m + x_m * sin + y_m * cos
 
-    def seen(self, x_m: float, y_m: float) -> tuple[float, float]:
+    def in_axes(self, x_m: float, y_m: float) -> tuple[float, float]:
         """A point of the ground in the axes of the vehicle: the inverse of :meth:`at`."""
         return along_and_across(x_m - self.x_m, y_m - self.y_m, self.yaw_rad)
 

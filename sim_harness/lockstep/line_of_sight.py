@@ -41,7 +41,7 @@ def _hides(solid: Solid, eye_m: tuple[float, float, float], point_m: tuple[float
     Slabs: Kay and Kajiya, Ray tracing complex scenes (1986). The line is eye + t·(point - eye), t in 0..1.
     """
     box = solid.box
-    start = (*box.seen(*eye_m[:2]), eye_m[2])
+    start = (*box.in_axes(*eye_m[:2]), eye_m[2])
     along_m, across_m = along_and_across(point_m[0] - eye_m[0], point_m[1] - eye_m[1], box.yaw_rad)
     run = (along_m, across_m, point_m[2] - eye_m[2])
     half_m = box.width_m / 2

@@ -76,7 +76,7 @@ class RoadUserModel:
                 track = self._tracks[number] = _UserErrors(self._rng.standard_normal(4))
             fresh = self._rng.standard_normal(4)
             track.errors = kept * track.errors + math.sqrt(1 - kept**2) * fresh
-            item = self._detected(truth, place, track, dt_s, float(self._rng.random()))
+            item = self._detection(truth, place, track, dt_s, float(self._rng.random()))
             found += [] if item is None else [item]
         columns: tuple[tuple[float, ...], ...] = tuple(zip(*(item[1:] for item in found), strict=True))
         x_m, y_m, x_mps, y_mps = columns or ((), (), (), ())
@@ -90,7 +90,7 @@ class RoadUserModel:
             confidences=(1.0,) * len(found),
         )
 
-    def _detected(
+    def _detection(
         self, truth: RoadUsers, place: int, track: _UserErrors, dt_s: float, chance: float
     ) -> tuple[str, float, float, float, float] | None:
         """Kind, ground point and velocity as the detector reports them; None without a report."""

@@ -43,7 +43,7 @@ class RoadUserSensor:
         if self._lines is None:
             self._lines = SightLines(vehicle.road)
         numbers = self._visible(box, walkers, vehicle, self._lines, reach_m)
-        truth = _measured(box, [walkers[number] for number in numbers], t_s=vehicle.now_s)
+        truth = _exact_users(box, [walkers[number] for number in numbers], t_s=vehicle.now_s)
         return self._model.step(truth, numbers) if self._model else truth
 
     def _visible(
@@ -59,7 +59,7 @@ class RoadUserSensor:
         solids = [Solid(other.box, other.body.height_m) for other in vehicle.others]
         found = []
         for number, walker in enumerate(walkers):
-            ahead_m, left_m = ego.seen(*walker.pose[:2])
+            ahead_m, left_m = ego.in_axes(*walker.pose[:2])
             within = ahead_m > 0.0 and math.hypot(ahead_m, left_m) <= reach_m
             body = Solid(walker.box, walker.figure.height_m)
             if not within or not self._leads_to(eye_m, walker, vehicle.road, lines):
@@ -80,9 +80,9 @@ class RoadUserSensor:
         return lines.are_free(eye, spot)
 
 
-def _measured(ego: Outline, walkers: Sequence[Walker], *, t_s: float) -> RoadUsers:
+def _exact_users(ego: Outline, walkers: Sequence[Walker], *, t_s: float) -> RoadUsers:
     """The exact places and velocities of ``walkers`` in the axes of the vehicle."""
-    places = [ego.seen(*walker.pose[:2]) for walker in walkers]
+    places = [ego.in_axes(*walker.pose[:2]) for walker in walkers]
     courses = [(walker.speed_mps, walker.pose[2] - ego.yaw_rad) for walker in walkers]
     return RoadUsers(
         t_s=t_s,

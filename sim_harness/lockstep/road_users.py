@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from sim_harness.lockstep.contact import Outline, separation_m
-from sim_harness.lockstep.traffic import driven, lane_centre_m
+from sim_harness.lockstep.traffic import lane_centre_m, speed_and_distance
 from sim_harness.scenarios.road_users import ChangePace, Cross, RoadUser, UserPhase
 from sim_harness.world.roads.road import Road
 
@@ -61,7 +61,7 @@ class Walker:
             return
         while self._waiting and self._begins(self._waiting[0], elapsed_s, gap_m):
             self._begin(self._waiting.pop(0))
-        self.speed_mps, distance_m = driven(self.speed_mps, self._goal_mps, self._rate_mps2, dt_s)
+        self.speed_mps, distance_m = speed_and_distance(self.speed_mps, self._goal_mps, self._rate_mps2, dt_s)
         self._move(distance_m)
         if isinstance(self._phase, Cross) and self._left_m() <= 0.0:
             self.offset_m, self.speed_mps = self._goal_offset_m, self._phase.then_mps

@@ -43,7 +43,7 @@ def rail(start: Start, road: Road, elapsed_s: float) -> Rail:
     return Rail(station_m, start.offset_m - to_come_m, course_rad, road.curvature_at(station_m) + bend_1pm)
 
 
-def driven(plant: Plant, state: PlantState, rail: Rail, dt_s: float, speed_mps: float) -> PlantState:
+def drive_along(plant: Plant, state: PlantState, rail: Rail, dt_s: float, speed_mps: float) -> PlantState:
     """The plant after the driver has steered for ``rail`` over ``dt_s``; the caller sets its place."""
     angle_rad = plant.steady_angle_rad(rail.curvature_1pm, speed_mps)
     command = Command(

@@ -57,7 +57,7 @@ class SimulatedSensors:
         if self._check is not None:
             self._check.restart()
 
-    def measured(self, true: VehicleState, *, elapsed_s: float) -> VehicleState:
+    def measure(self, true: VehicleState, *, elapsed_s: float) -> VehicleState:
         """``true`` with white noise, that of the speed proportional to it, under the faults at ``elapsed_s``."""
         settings = self._settings
         speed, angle, rate = next(self._noise)
@@ -74,7 +74,7 @@ class SimulatedSensors:
             self.watch(true, elapsed_s)
         return self._faulty.step(noisy, elapsed_s=elapsed_s)
 
-    def held(
+    def drop_doubted(
         self, state: VehicleState, applied: Command | None, *, driver: bool, now_s: float
     ) -> VehicleState:
         """``state`` without the measurements that do not hold; ``applied`` is the last command to the car."""

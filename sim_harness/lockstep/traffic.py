@@ -96,7 +96,7 @@ class Actor:
         while self._waiting and self._begins(self._waiting[0], elapsed_s, gap_m):
             self._begin(self._waiting.pop(0))
             self._short = None
-        self.speed_mps, distance_m = driven(self.speed_mps, self._goal_mps, self._rate_mps2, dt_s)
+        self.speed_mps, distance_m = speed_and_distance(self.speed_mps, self._goal_mps, self._rate_mps2, dt_s)
         if self._free is None:
             self._roll(distance_m, dt_s)
         else:
@@ -223,11 +223,11 @@ class Traffic:
         ahead = self.ahead(nose_m)
         if ahead is not None:
             box = ahead[0].box
-            distance_m = min(ego.seen(*corner)[0] for corner in box.corners()) - ego.front_m
+            distance_m = min(ego.in_axes(*corner)[0] for corner in box.corners()) - ego.front_m
             eye = Spot(nose_m, *ego.at(ego.front_m), height_m)
             middle = Spot(ahead[0].station_m, *ahead[0].pose[:2], ahead[0].body.height_m / 2)
             if distance_m <= range_m and self._lines.are_free(eye, middle):
-                ends = [ego.seen(*box.at(x_m)) for x_m in (box.rear_m, box.front_m)]
+                ends = [ego.in_axes(*box.at(x_m)) for x_m in (box.rear_m, box.front_m)]
                 return LeadVehicle(
                     t_s=t_s,
                     distance_m=distance_m,
@@ -251,7 +251,9 @@ def lane_centre_m(road: Road, lane: int, station_m: float) -> float:
     return RoadLane(road, lane).centre_at(station_m)
 
 
-def driven(speed_mps: float, goal_mps: float, rate_mps2: float, dt_s: float) -> tuple[float, float]:
+def speed_and_distance(
+    speed_mps: float, goal_mps: float, rate_mps2: float, dt_s: float
+) -> tuple[float, float]:
     """Speed after ``dt_s`` on the way to ``goal_mps`` at a constant rate, and the distance driven [m]."""
     change_mps = goal_mps - speed_mps
     changing_s = min(dt_s, abs(change_mps) / rate_mps2)

@@ -11,7 +11,7 @@ from controller.limiter import Limiter
 from sim_harness.lockstep.contact import Outline, separation_m
 from sim_harness.lockstep.referee import Place, Referee, locate
 from sim_harness.lockstep.road_users import RoadUsersAround, Walker
-from sim_harness.lockstep.run_up import driven, rail
+from sim_harness.lockstep.run_up import drive_along, rail
 from sim_harness.lockstep.sensors import NoiseSettings, SimulatedSensors
 from sim_harness.lockstep.traffic import Actor, Traffic
 from sim_harness.scenarios.scenario import Scenario
@@ -82,8 +82,8 @@ class SimulatedVehicle:
         self._ticks = -self._run_up_ticks  # periods since t = 0
         self._pose, self._place = self._first()
         nose_m = scenario.start.station_m + self.nose_m
-        self._traffic = Traffic(scenario.traffic, road, nose_m=nose_m, elapsed_s=self._elapsed_s)
-        self._users = RoadUsersAround(scenario.road_users, road, nose_m=nose_m, elapsed_s=self._elapsed_s)
+        self._traffic = Traffic(scenario.traffic, road, nose_m=nose_m, elapsed_s=self._run_time_s)
+        self._users = RoadUsersAround(scenario.road_users, road, nose_m=nose_m, elapsed_s=self._run_time_s)
         self._origin_s: float | None = None  # t = 0 of the run
         self._applied: Command | None = None  # output of the limiter, held by the actuators
 
@@ -105,7 +105,7 @@ class SimulatedVehicle:
         if self._limiter is None:
             self._applied = command
             return state, self._truth()
-        held = self.sensors.held(state, self._applied, driver=self._limiter.handed_over, now_s=now_s)
+        held = self.sensors.drop_doubted(state, self._applied, driver=self._limiter.handed_over, now_s=now_s)
         self._applied = self._limiter.step(command, received_s, held, now_s=now_s)
         return self._limiter.report(held), self._truth()
 
@@ -116,7 +116,7 @@ class SimulatedVehicle:
 
     def wait(self, *, now_s: float) -> tuple[VehicleState, SimTruth]:
         """State and truth before the run begins, which is the first call of :meth:`step`."""
-        self._origin_s = now_s - self._elapsed_s
+        self._origin_s = now_s - self._run_time_s
         state, truth = self._measure(), self._truth()
         self._origin_s = None
         return state, replace(truth, elapsed_s=None)
@@ -138,32 +138,32 @@ class SimulatedVehicle:
         return self._users.walkers
 
     @property
-    def _elapsed_s(self) -> float:
+    def _run_time_s(self) -> float:
         """Time of the run; negative in the run-up."""
         return self._ticks * self._period_s
 
     @property
     def now_s(self) -> float:
         """Time of the newest state."""
-        return (self._origin_s or 0.0) + self._elapsed_s
+        return (self._origin_s or 0.0) + self._run_time_s
 
     def _advance(self, applied: Command) -> None:
         """One period of all motion, then the referee's judgement."""
         period_s, nose_m = self._period_s, self._place.station_m + self.nose_m
-        self._traffic.step(self._elapsed_s, period_s, nose_m=nose_m)
-        self._users.step(self._elapsed_s, period_s, nose_m=nose_m)
+        self._traffic.step(self._run_time_s, period_s, nose_m=nose_m)
+        self._users.step(self._run_time_s, period_s, nose_m=nose_m)
         self._ticks += 1
         if self._ticks <= 0:
-            self._run_up()
+            self._step_run_up()
         else:
             self._pose = self._plant.step(
-                self._pose, pulled(applied, self.road.grade_at(self._place.station_m)), period_s
+                self._pose, add_grade(applied, self.road.grade_at(self._place.station_m)), period_s
             )
             near_m = self._place.station_m + self._pose.speed_mps * period_s
             self._place = locate(self.road, self._pose, near_m)
             if self._referee.must_recentre(self._pose, self._place):
                 self._place = Place(self._place.station_m, 0.0, 0.0)
-                self._pose = self._recentred(self._pose, self._place)
+                self._pose = self._recentre(self._pose, self._place)
                 self.sensors.restart()
         self._touch()
 
@@ -174,7 +174,7 @@ class SimulatedVehicle:
         separations_m = [separation_m(self.box, box) for box in everyone]
         self._referee.judge_contacts(separations_m)
         for actor, box, separation in zip(self._traffic.actors, boxes, separations_m, strict=False):
-            middle_m = self.box.seen(*box.at((box.rear_m + box.front_m) / 2))[0]
+            middle_m = self.box.in_axes(*box.at((box.rear_m + box.front_m) / 2))[0]
             if separation <= 0.0 and middle_m > self._vehicle.wheelbase_m / 2:
                 along_mps = actor.speed_mps * math.cos(box.yaw_rad - self._pose.yaw_rad)
                 speed_mps = min(self._pose.speed_mps, max(0.0, along_mps))
@@ -193,39 +193,39 @@ class SimulatedVehicle:
         start = self._start
         if not self._run_up_ticks:
             place = Place(start.station_m, start.offset_m, start.heading_rad)
-            pose = self._placed(self._plant.initial(), place)
+            pose = self._move_to(self._plant.initial(), place)
             return pose, locate(self.road, pose, start.station_m)
-        here = rail(start, self.road, self._elapsed_s)
+        here = rail(start, self.road, self._run_time_s)
         place = Place(here.station_m, here.offset_m, here.course_rad)
         rolling = self._plant.initial(speed_mps=start.speed_mps, curvature_1pm=here.curvature_1pm)
-        return self._placed(rolling, place), place
+        return self._move_to(rolling, place), place
 
-    def _run_up(self) -> None:
+    def _step_run_up(self) -> None:
         """One period of the run-up, in which a driver steers along the rail."""
-        here = rail(self._start, self.road, self._elapsed_s)
-        pose = driven(self._plant, self._pose, here, self._settings.period_s, self._start.speed_mps)
+        here = rail(self._start, self.road, self._run_time_s)
+        pose = drive_along(self._plant, self._pose, here, self._settings.period_s, self._start.speed_mps)
         self._place = Place(here.station_m, here.offset_m, here.course_rad)
-        self._pose = self._placed(pose, self._place)
+        self._pose = self._move_to(pose, self._place)
 
-    def _placed(self, pose: PlantState, place: Place) -> PlantState:
+    def _move_to(self, pose: PlantState, place: Place) -> PlantState:
         """``pose`` moved to ``place``."""
         x_m, y_m = self.road.position(place.station_m, place.offset_m)
         yaw_rad = self.road.heading_at(place.station_m) + place.heading_error_rad
         return replace(pose, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
-    def _recentred(self, pose: PlantState, place: Place) -> PlantState:
+    def _recentre(self, pose: PlantState, place: Place) -> PlantState:
         """``pose`` moved to ``place`` at the same speed, with the wheels steered along the lane."""
         curvature_1pm = self.road.curvature_at(place.station_m)
         angle_rad = self._plant.steady_angle_rad(curvature_1pm, pose.speed_mps)
         pose = replace(
             pose, road_wheel_angle_rad=angle_rad, acting_demand_rad=angle_rad, pending=(), inner=()
         )
-        return self._placed(pose, place)
+        return self._move_to(pose, place)
 
     def _measure(self) -> VehicleState:
         """The sensor readings; a driver steers in the run-up."""
-        true = replace(self._plant.measured(self._pose, self.now_s), driver_override=self._ticks < 0)
-        return self.sensors.measured(true, elapsed_s=self._elapsed_s)
+        true = replace(self._plant.measure(self._pose, self.now_s), driver_override=self._ticks < 0)
+        return self.sensors.measure(true, elapsed_s=self._run_time_s)
 
     def _truth(self) -> SimTruth:
         pose, (station_m, offset_m, heading_error_rad) = self._pose, self._place
@@ -253,7 +253,7 @@ class SimulatedVehicle:
             lead_y_m=lead_y_m,
             lead_yaw_rad=lead_yaw_rad,
             finished=station_m >= self._route_end_m,
-            elapsed_s=self._elapsed_s,
+            elapsed_s=self._run_time_s,
             speed_mps=pose.speed_mps,
             yaw_rate_radps=self._plant.yaw_rate_radps(pose),
             traffic_x_m=traffic.x_m,
@@ -268,7 +268,7 @@ class SimulatedVehicle:
         )
 
 
-def pulled(command: Command, grade: float) -> Command:
+def add_grade(command: Command, grade: float) -> Command:
     """``command`` with the part of the weight that acts along the road, -g·sin(atan(grade)).
 
     The drive follows both with its lag. The car is held on a hill: at rest it does not roll backwards.

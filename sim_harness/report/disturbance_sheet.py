@@ -16,7 +16,7 @@ from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.disturbance_table import load_table
-from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturb
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
@@ -87,7 +87,7 @@ def _tile(road: Road, ground: Ground, kind: DisturbanceKind, grade: int, seed: i
     to_m = station_m + MOUTH_M if kind == DisturbanceKind.TUNNEL_EXIT else None
     disturbance = Disturbance(kind=kind, grade=grade, to_m=to_m)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
-    painted = disturbed(road.settings, (disturbance,)) != road.settings
+    painted = disturb(road.settings, (disturbance,)) != road.settings
     renderer = Renderer(
         road, camera, seed=seed, ground=None if painted else ground, disturbances=(disturbance,)
     )

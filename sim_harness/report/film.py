@@ -66,7 +66,7 @@ class Film:
     def watching(self, parts: Parts) -> Parts:
         """``parts`` with estimators that also store frames and estimates in this film."""
         estimators: Mapping[str, Estimator] = {
-            name: _Watched(name, estimator, self) for name, estimator in parts.estimators.items()
+            name: _WatchedEstimator(name, estimator, self) for name, estimator in parts.estimators.items()
         }
         return replace(parts, estimators=estimators)
 
@@ -84,7 +84,7 @@ class Film:
         return self._shots[index - 1] if index else None
 
 
-class _Watched:
+class _WatchedEstimator:
     """An estimator whose frames and estimates are stored."""
 
     def __init__(self, name: str, estimator: Estimator, film: Film) -> None:
@@ -112,15 +112,15 @@ def run_filmed(scenario: Scenario, *, seed: int, witness: Witness | None = None)
 
 def picture(shot: FilmFrame) -> tuple[bytes, str]:
     """The frame with the lane of the most confident estimator, as JPEG, and the name of the estimator."""
-    return _drawn(shot, annotate, PICTURE_PX, PICTURE_QUALITY)
+    return _draw_frame(shot, annotate, PICTURE_PX, PICTURE_QUALITY)
 
 
 def small_picture(shot: FilmFrame) -> bytes:
     """The frame with the lane of the most confident estimator, without numbers, as a small JPEG."""
-    return _drawn(shot, with_lane, SMALL_PX, SMALL_QUALITY)[0]
+    return _draw_frame(shot, with_lane, SMALL_PX, SMALL_QUALITY)[0]
 
 
-def _drawn(
+def _draw_frame(
     shot: FilmFrame, draw: Callable[[Image, SteeringEstimate], Image], size: tuple[int, int], quality: int
 ) -> tuple[bytes, str]:
     image = cv2.imdecode(np.frombuffer(shot.jpeg, np.uint8), cv2.IMREAD_COLOR)

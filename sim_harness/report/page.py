@@ -74,9 +74,7 @@ class Page:
         """
         command = command or f"trepid sim run {row['scenario']} --seed {row['seed']}"
         self._runs.append(_json([[row[name] for name in COLUMNS], list(tags)]))
-        self._details.append(
-            _json({"row": dict(row), "command": command, "detail": self._packed(row, detail)})
-        )
+        self._details.append(_json({"row": dict(row), "command": command, "detail": self._pack(row, detail)}))
 
     def write(self, path: Path) -> None:
         """Write the page. Raises InputError when ``path`` cannot be written."""
@@ -102,7 +100,7 @@ class Page:
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from error
 
-    def _packed(self, row: Mapping[str, Any], detail: Detail | None) -> Detail | None:
+    def _pack(self, row: Mapping[str, Any], detail: Detail | None) -> Detail | None:
         """``detail`` with its lane edges, which many runs share, as a number, and no more pictures than allowed."""
         if detail is None:
             return None

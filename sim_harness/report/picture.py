@@ -51,7 +51,7 @@ def _views(panels: Iterable[Axes], road: Road, trace: Trace, seed: int) -> None:
     """Camera views with the lane of the CV estimator, one from each of eight sections, framed in fear's colour."""
     renderer = Renderer(road, load(CONFIG_DIR / "camera.yaml", Camera), seed=seed)
     for axes, (section, sample) in zip(panels, _moments(trace, count=VIEWS), strict=True):
-        image, estimate = _estimated(renderer, trace, sample)
+        image, estimate = _estimate_at(renderer, trace, sample)
         axes.imshow(with_lane(image, estimate)[..., ::-1])
         fear = float(trace["decision.fear"][sample])
         at_s = float(trace["t_s"][sample] - trace["t_s"][0])
@@ -63,7 +63,7 @@ def _views(panels: Iterable[Axes], road: Road, trace: Trace, seed: int) -> None:
         axes.spines[:].set(color=_colour(fear), linewidth=3)
 
 
-def _estimated(renderer: Renderer, trace: Trace, sample: int) -> tuple[Image, SteeringEstimate]:
+def _estimate_at(renderer: Renderer, trace: Trace, sample: int) -> tuple[Image, SteeringEstimate]:
     """The frame at ``sample`` and its estimate by an estimator that has processed the frames before it."""
     estimator, image, estimate = build("cv"), None, None
     first = int(np.searchsorted(trace["t_s"], trace["t_s"][sample] - WARM_UP_S))

@@ -50,7 +50,7 @@ def summarise(scenario: Scenario, result: Result, film: Film | None = None) -> D
         "gap": (np.minimum(time_gap_s(trace), LONGEST_GAP_S), 0.01),
     }
     return {
-        "series": {name: coded(values[kept], step) for name, (values, step) in series.items()},
+        "series": {name: code_differences(values[kept], step) for name, (values, step) in series.items()},
         "bands": {label: _words(trace, label, t_s) for label in BANDS},
         "events": _events(trace, t_s),
         "marks": _marks(trace, t_s),
@@ -85,7 +85,7 @@ def worst_sample(trace: Trace) -> tuple[int, str]:
     return int(np.argmax(np.abs(trace["lateral_offset_m"]))), "at the largest error"
 
 
-def coded(values: Column, step: float) -> dict[str, Any]:
+def code_differences(values: Column, step: float) -> dict[str, Any]:
     """``values`` as differences of whole multiples of ``step``, NaN as None."""
     known = np.isfinite(values)
     whole = np.where(known, np.round(np.where(known, values, 0.0) / step), 0.0).astype(int)
@@ -138,7 +138,7 @@ def _edges(scenario: Scenario) -> list[dict[str, Any]]:
     stations_m = np.linspace(low_m, high_m, EDGE_POINTS)
     half_m = np.array([road.width_at(station) for station in stations_m.tolist()]) / 2
     edges = [road.positions(stations_m, side * half_m) for side in (1.0, -1.0)]
-    return [coded(points[:, axis], 0.05) for points in edges for axis in (0, 1)]
+    return [code_differences(points[:, axis], 0.05) for points in edges for axis in (0, 1)]
 
 
 def _glimpses(trace: Trace, film: Film) -> dict[str, Any]:
@@ -160,10 +160,10 @@ def _glimpses(trace: Trace, film: Film) -> dict[str, Any]:
     vehicles = len(glimpses[0].others) if glimpses else 0
     places = np.array([one.others for one in glimpses], dtype=np.float64).reshape(len(glimpses), vehicles, 3)
     others = [
-        [coded(places[:, number, axis], step) for axis, step in enumerate((0.05, 0.05, 0.01))]
+        [code_differences(places[:, number, axis], step) for axis, step in enumerate((0.05, 0.05, 0.01))]
         for number in range(vehicles)
     ]
-    times = coded(np.array([one.t_s for one in glimpses]) - first_s, 0.01)
+    times = code_differences(np.array([one.t_s for one in glimpses]) - first_s, 0.01)
     vehicle = default_vehicle()
     length_m = vehicle.rear_overhang_m + vehicle.wheelbase_m + vehicle.front_overhang_m
     size = [round(length_m, 2), round(vehicle.track_m, 2), round(vehicle.rear_overhang_m, 2)]

@@ -62,7 +62,7 @@ class _Search:
     def __init__(self, scenario: Scenario, passes: Passes, seed: int) -> None:
         self._scenario, self._passes, self._seed = scenario, passes, seed
         self._ranges = {name: v for name, v in scenario.vary.items() if isinstance(v, Range)}
-        self._start: Place = {name: _written(scenario, name, v) for name, v in self._ranges.items()}
+        self._start: Place = {name: _written_position(scenario, name, v) for name, v in self._ranges.items()}
         self._runs = 0
         self._start_passes = self._run(self._case(self._start)) if self._ranges else True
 
@@ -117,7 +117,7 @@ class _Search:
         return self._passes(case)
 
 
-def _written(scenario: Scenario, parameter: str, span: Range) -> float:
+def _written_position(scenario: Scenario, parameter: str, span: Range) -> float:
     """The position in its range of a parameter in the scenario as written; the middle when absent."""
     value: Any = scenario.model_dump(mode="json")
     for part in fields(parameter)[0].split("."):

@@ -41,4 +41,4 @@ def with_events(
         put(f"traffic.{kind}", [kind in now for now in manoeuvres])
     if scenario.road_users and len(user_gaps_m):
         columns[USER_GAP] = np.array(user_gaps_m, dtype=np.float64)
-    return trace.joined(columns)
+    return trace.with_columns(columns)

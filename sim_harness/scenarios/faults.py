@@ -59,7 +59,7 @@ class EstimatorBias(Span):
             raise ValueError("changes nothing; give lateral_m, heading_rad, curvature_1pm or confidence")
         return self
 
-    def falsified(self, estimate: SteeringEstimate, *, wheelbase_m: float) -> SteeringEstimate:
+    def falsify(self, estimate: SteeringEstimate, *, wheelbase_m: float) -> SteeringEstimate:
         """The estimate that is published instead of ``estimate``."""
         confidence = estimate.confidence if self.confidence is None else self.confidence
         if estimate.kind is EstimateKind.ANGLE:
@@ -95,7 +95,7 @@ class LostLane(Span):
     kind: Literal["lost_lane"]
     estimator: str | None = None  # default: all of them
 
-    def falsified(self, estimate: SteeringEstimate, *, wheelbase_m: float) -> SteeringEstimate:
+    def falsify(self, estimate: SteeringEstimate, *, wheelbase_m: float) -> SteeringEstimate:
         """The estimate that is published instead of ``estimate``."""
         name, ahead_m = estimate.estimator, estimate.lookahead_m
         return SteeringEstimate.nothing(

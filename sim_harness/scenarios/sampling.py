@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pydantic import JsonValue, ValidationError
 
 from sim_harness.scenarios.scenario import Scenario
-from sim_harness.scenarios.vary import changed, fields
+from sim_harness.scenarios.vary import change_settings, fields
 from trepid.config import InputError
 
 DEFAULT_CASES = 100  # of random and Latin hypercube sampling
@@ -101,7 +101,7 @@ def _sequence(scenario: Scenario, seed: int, *use: int) -> np.random.SeedSequenc
 def concrete(scenario: Scenario, parameters: Mapping[str, JsonValue]) -> Scenario:
     """``scenario`` with these values, without ``vary``. Raises InputError for values that exclude each other."""
     try:
-        return changed(scenario, parameters)
+        return change_settings(scenario, parameters)
     except (LookupError, ValidationError) as error:
         values = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         problem = error.errors()[0]["msg"] if isinstance(error, ValidationError) else error.args[0]

@@ -26,7 +26,7 @@ from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.road_file import ROAD_SUFFIXES, load_road_settings
 from sim_harness.world.roads.appearance import LaneWidth, Section
-from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturb
 from sim_harness.world.roads.elevation import ElevationPoint
 from sim_harness.world.roads.features import Junction, RoadMark, Wall
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
@@ -213,7 +213,7 @@ class Scenario(Settings):
         """The road with the changes of this scenario. Raises InputError."""
         settings = load_road_settings(self._road_file())
         try:
-            return Road(disturbed(self._changed(settings), self.disturbances))
+            return Road(disturb(self._change_road(settings), self.disturbances))
         except ValueError as error:
             raise InputError(f"scenario {self.name}: road {self.road}: {one_line(error)}") from error
 
@@ -227,7 +227,7 @@ class Scenario(Settings):
         """The rule file of the supervisor."""
         return default_file("fear.yaml") if self.rules is None else Path(self.rules)
 
-    def _changed(self, settings: RoadSettings) -> RoadSettings:
+    def _change_road(self, settings: RoadSettings) -> RoadSettings:
         """``settings`` with the changes of this scenario. Raises ValueError for values that exclude each other."""
         changes = {name: value for name, value in self.appearance if value is not None}
         sections = tuple(
@@ -261,7 +261,7 @@ class Scenario(Settings):
             return ("road",), f"no road {self.road!r}; {hint} (or a .yaml or .xodr file)"
         settings = load_road_settings(self._road_file())
         try:
-            road = Road(self._changed(settings))
+            road = Road(self._change_road(settings))
         except ValueError as error:
             return (self._field_of(error),), one_line(error)
         if not 0.0 <= self.start.station_m < road.length_m:
@@ -338,11 +338,11 @@ class Scenario(Settings):
         named = [name for name in given if name.split("_")[0].rstrip("s") in str(error)]
         return next(iter(named or (["appearance"] if self.appearance.model_fields_set else given)), "road")
 
-    def shortened(self, duration_s: float) -> "Scenario":
+    def shorten(self, duration_s: float) -> "Scenario":
         """This scenario cut off after ``duration_s``, without the expectations that need the whole run."""
         if duration_s >= self.duration_s:
             return self
-        return self.model_copy(update={"duration_s": duration_s, "expect": self.expect.shortened(duration_s)})
+        return self.model_copy(update={"duration_s": duration_s, "expect": self.expect.shorten(duration_s)})
 
     def route_m(self, road: Road) -> float:
         """Length of the route [m]."""
@@ -378,7 +378,7 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     whole_s = data.get("duration_s")
     scenario = parse(data, Scenario, source=path, overrides=overrides)
     if overrides and isinstance(whole_s, float | int) and scenario.duration_s < whole_s:
-        scenario = _cut_off(scenario, overrides)
+        scenario = _cut_duration(scenario, overrides)
     update: dict[str, object] = {"name": scenario.name or path.stem}
     for field, file in (("road", scenario.road), ("rules", scenario.rules)):
         if file is not None and (field == "rules" or file.endswith(ROAD_SUFFIXES)):
@@ -395,11 +395,11 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     return scenario
 
 
-def _cut_off(scenario: Scenario, overrides: Mapping[str, str]) -> Scenario:
+def _cut_duration(scenario: Scenario, overrides: Mapping[str, str]) -> Scenario:
     """``scenario`` without the expectations that need its whole duration, except those among ``overrides``."""
     given = {key.split(".")[1] for key in overrides if key.startswith("expect.")}
     kept = {field: getattr(scenario.expect, field) for field in given}
-    expect = scenario.expect.shortened(scenario.duration_s).model_copy(update=kept)
+    expect = scenario.expect.shorten(scenario.duration_s).model_copy(update=kept)
     return scenario.model_copy(update={"expect": expect})
 
 

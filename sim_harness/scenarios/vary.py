@@ -124,15 +124,15 @@ def fields(parameter: str) -> tuple[str, ...]:
     return tuple(field.strip() for field in parameter.split(","))
 
 
-def changed(settings: S, parameters: Mapping[str, JsonValue]) -> S:
+def change_settings(settings: S, parameters: Mapping[str, JsonValue]) -> S:
     """``settings`` with the values of ``parameters``, validated, without ``vary``.
 
     Raises LookupError for an unknown field and ValidationError for an invalid value.
     """
-    return type(settings).model_validate(_changed(settings, parameters))
+    return type(settings).model_validate(_change_fields(settings, parameters))
 
 
-def _changed(settings: BaseModel, parameters: Mapping[str, JsonValue]) -> dict[str, Any]:
+def _change_fields(settings: BaseModel, parameters: Mapping[str, JsonValue]) -> dict[str, Any]:
     data = settings.model_dump(mode="json", exclude_unset=True, exclude={"vary"})
     for parameter, value in parameters.items():
         for field in fields(parameter):
@@ -164,7 +164,7 @@ def check_vary(
 def _problem(settings: S, parameter: str, value: JsonValue, misfit: Callable[[S], str] | None) -> str:
     """The error of ``value`` for ``parameter``; "" for a valid value."""
     try:
-        data = _changed(settings, {parameter: value})
+        data = _change_fields(settings, {parameter: value})
     except LookupError as error:
         return f"{parameter}: {error.args[0]}"
     try:

@@ -21,7 +21,7 @@ from distributed import Client, KilledWorker, WorkerPlugin, as_completed
 from distributed.comm.addressing import parse_address, parse_host_port
 
 from sim_harness.sweep.fingerprint import files_of_car, fingerprint, hash_of_files
-from sim_harness.sweep.outcome import ClusterLost, Outcome, crashed, execute
+from sim_harness.sweep.outcome import ClusterLost, Outcome, crash_outcome, execute
 from sim_harness.sweep.plan import Plan
 from trepid.config import InputError, car_folder, use_car
 
@@ -39,7 +39,7 @@ def on_cluster(plan: Plan, address: str, *, detailed: bool = False) -> Iterator[
     the same versions, and ClusterLost.
     """
     with ExitStack() as stack:
-        client = stack.enter_context(_connected(address))
+        client = stack.enter_context(_connect(address))
         check_same_code(client, address)
         car = stack.enter_context(_car_on_workers(client))
         work = partial(in_car, car, partial(execute, detailed=detailed))
@@ -50,7 +50,9 @@ def on_cluster(plan: Plan, address: str, *, detailed: bool = False) -> Iterator[
                 outcome: Outcome = future.result()
                 _check_code({outcome.code}, fingerprint(), address)  # a worker may have joined later
             elif isinstance(error := future.exception(timeout=CONNECT_S), KilledWorker):
-                outcome = crashed(plan[key], f"crashed: it has killed {error.allowed_failures + 1} workers")
+                outcome = crash_outcome(
+                    plan[key], f"crashed: it has killed {error.allowed_failures + 1} workers"
+                )
             elif isinstance(error, InputError):
                 raise error
             else:
@@ -102,7 +104,7 @@ def in_car(car: str | None, work: Callable[..., R], *arguments: object) -> R:
 
 
 @contextmanager
-def _connected(address: str) -> Iterator[Client]:
+def _connect(address: str) -> Iterator[Client]:
     """A client that reports errors as InputError instead of in logs."""
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with warnings.catch_warnings(), configured({"distributed.comm.timeouts.connect": CONNECT_S}):

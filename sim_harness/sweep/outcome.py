@@ -42,7 +42,7 @@ def execute(case: Case, *, detailed: bool = False) -> Outcome:
     except Exception as error:  # noqa: BLE001
         frame = traceback.extract_tb(error.__traceback__)[-1]
         what = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return crashed(case, f"crashed: {what} ({Path(frame.filename).name}:{frame.lineno})")
+        return crash_outcome(case, f"crashed: {what} ({Path(frame.filename).name}:{frame.lineno})")
     finally:
         if _MALLOC_TRIM is not None:  # glibc otherwise keeps fragments of the arrays of the renderer
             _MALLOC_TRIM(0)
@@ -59,7 +59,7 @@ def perform(case: Case, *, detailed: bool = False, witness: Witness | None = Non
     return result, Outcome(row=with_parameters(case, result.row()), detail=detail, code=fingerprint())
 
 
-def crashed(case: Case, reason: str) -> Outcome:
+def crash_outcome(case: Case, reason: str) -> Outcome:
     """The outcome of a case that has no result: failed, every score absent."""
     row: Row = {
         "scenario": case.scenario.name,

@@ -46,9 +46,11 @@ def select(sources: Sequence[str], tags: Sequence[str], overrides: Mapping[str, 
 
     names: list[str] = []
     for source in sources or [ALL]:
-        names += [scenario.name for scenario in tagged(list_scenarios(), tags)] if source == ALL else [source]
+        names += (
+            [scenario.name for scenario in with_tags(list_scenarios(), tags)] if source == ALL else [source]
+        )
     chosen = [
-        (scenario, name) for name in names for scenario in tagged(load_scenarios(name, overrides), tags)
+        (scenario, name) for name in names for scenario in with_tags(load_scenarios(name, overrides), tags)
     ]
     if not chosen:
         raise InputError(no_tagged(tags))
@@ -58,7 +60,7 @@ def select(sources: Sequence[str], tags: Sequence[str], overrides: Mapping[str, 
     return Selection(tuple(s for s, _ in chosen), {s.name: name for s, name in chosen}, overrides)
 
 
-def tagged(scenarios: Iterable[Scenario], tags: Sequence[str]) -> list[Scenario]:
+def with_tags(scenarios: Iterable[Scenario], tags: Sequence[str]) -> list[Scenario]:
     """The ``scenarios`` with one of ``tags``; all of them without tags."""
     return [scenario for scenario in scenarios if not tags or not set(tags).isdisjoint(scenario.tags)]
 

@@ -61,7 +61,7 @@ def imap_unordered(
             for pipe in wait(list(workers)):
                 worker = workers[pipe]
                 key, result = worker.key, worker.result()
-                if isinstance(result, _Raised):
+                if isinstance(result, _TaskError):
                     raised = result.error
                     continue
                 del workers[pipe]
@@ -127,7 +127,7 @@ def _end_with_parent() -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Raised:
+class _TaskError:
     """An exception that a task raised."""
 
     error: Exception
@@ -160,10 +160,10 @@ class _Worker(Generic[Key, Task, Result]):
             return False
         return True
 
-    def result(self) -> "Result | Lost | _Raised":
+    def result(self) -> "Result | Lost | _TaskError":
         """Result of the current task."""
         try:
-            result: Result | _Raised = self.pipe.recv()
+            result: Result | _TaskError = self.pipe.recv()
         except (EOFError, OSError):
             self.process.join()
             self.pipe.close()
@@ -197,5 +197,5 @@ def _attempt(work: Callable[[Any], object], task: object) -> object:
         try:
             pickle.loads(pickle.dumps(error))
         except Exception:  # noqa: BLE001 - an exception with required arguments cannot be rebuilt from its text
-            return _Raised(RuntimeError(text))
-        return _Raised(error)
+            return _TaskError(RuntimeError(text))
+        return _TaskError(error)

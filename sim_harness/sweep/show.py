@@ -25,7 +25,7 @@ class Display(Watch):
         self._ordered = InPlanOrder({})
 
     @property
-    def begun(self) -> bool:
+    def has_plan(self) -> bool:
         """Whether there is a plan, whose cases run."""
         return self._total > 0
 

@@ -96,7 +96,7 @@ def content(line: Row) -> Row:
     return {name: value for name, value in line.items() if name not in (CASE, CODE)}
 
 
-def finished(
+def finish_tasks(
     work: Callable[[Task], Result], tasks: Mapping[Key, Task], jobs: int
 ) -> Generator[tuple[Key, Result], None, None]:
     """``work(task)`` of every task as they finish, in this process or on ``jobs`` processes, with progress.
@@ -137,7 +137,7 @@ def stored_rows(
     codes = codes or dict.fromkeys(tasks, fingerprint())
     with Store(path) as store:
         left = {key: task for key, task in tasks.items() if store.get(key, codes[key]) is None}
-        with closing(finished(work, left, jobs or os.cpu_count() or 1)) as rows:
+        with closing(finish_tasks(work, left, jobs or os.cpu_count() or 1)) as rows:
             for key, row in rows:
                 store.add(key, codes[key], row)
         return [store.get(key, codes[key]) or {} for key in tasks]

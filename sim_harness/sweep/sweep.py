@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from sim_harness.lockstep.recording import recording
-from sim_harness.sweep.outcome import Outcome, crashed, execute, perform
+from sim_harness.sweep.outcome import Outcome, crash_outcome, execute, perform
 from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.pool import Lost, imap_unordered
@@ -78,7 +78,7 @@ def on_processes(plan: Plan, jobs: int, *, detailed: bool = False) -> Iterator[t
     with closing(imap_unordered(partial(execute, detailed=detailed), plan, jobs)) as results:
         for key, result in results:
             if isinstance(result, Lost):
-                yield key, crashed(plan[key], f"crashed: its process {result.reason}")
+                yield key, crash_outcome(plan[key], f"crashed: its process {result.reason}")
             else:
                 yield key, result
 

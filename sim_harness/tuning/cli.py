@@ -83,7 +83,7 @@ def tune(
     fresh = fresh_seed() if unseen_seed is None else unseen_seed
     parameters = parse_vary(vary) if vary else dict(given.parameters)
     check_start(file, parameters)
-    draw = partial(drawn, parse_overrides(changes or []), cases or given.cases)
+    draw = partial(draw_cases, parse_overrides(changes or []), cases or given.cases)
     seen, judged = draw(names, seed), draw([*names, *held_out], fresh)
     if set(seen) & set(judged):
         raise InputError(
@@ -92,7 +92,7 @@ def tune(
     trial_storage = storage or str(target.with_suffix(".journal"))
     try:
         task = _task(file, parameters, seen, given.costs, trial_storage, trials, seed, workers)
-        return _tuned(task, target, judged, fresh, workers, as_json=as_json)
+        return _tune(task, target, judged, fresh, workers, as_json=as_json)
     except KeyboardInterrupt:
         say("interrupted: finished trials are stored; the same command continues")
         return INTERRUPTED
@@ -119,10 +119,10 @@ def check_start(file: Path, parameters: dict[str, Span]) -> None:
         value = text.value(name)
         if not span.low <= value <= span.high:
             raise InputError(f"{file}: {name} is {value:g}, outside {span.low:g}..{span.high:g}, its span")
-    text.changed({name: text.value(name) for name in parameters})
+    text.change_numbers({name: text.value(name) for name in parameters})
 
 
-def drawn(overrides: dict[str, str], count: int, names: list[str], seed: int) -> Plan:
+def draw_cases(overrides: dict[str, str], count: int, names: list[str], seed: int) -> Plan:
     """``count`` cases of each scenario. Raises InputError."""
     selection = select(names, [], overrides)
     return plan(by_sampling(selection.scenarios, Method.RANDOM, count, seed=seed))
@@ -155,7 +155,7 @@ def _task(
     )
 
 
-def _tuned(task: "StudyTask", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
+def _tune(task: "StudyTask", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
     from sim_harness.tuning.score import Score, both
     from sim_harness.tuning.study import SCORE, START, complete, cost, search, values_of
 
@@ -184,10 +184,10 @@ def _tuned(task: "StudyTask", target: Path, judged: Plan, fresh: int, workers: i
         print(json.dumps(result) if as_json else f"no better than {task.rules.name} in {len(found)} trials")
         return 1
     text, values = NumberedText(task.rules), values_of(best, task.parameters)
-    target.write_text(text.changed(values), encoding="utf-8")
+    target.write_text(text.change_numbers(values), encoding="utf-8")
     say(f"wrote {target}; judging it on {len(judged)} unseen cases, seed {fresh}")
     before, after = both(task.rules, target, judged, task.costs, workers)
-    diff = difference(text.text, text.changed(values), task.rules.name, target.name)
+    diff = difference(text.text, text.change_numbers(values), task.rules.name, target.name)
     result |= {"out": str(target), "values": values, "diff": diff}
     result["unseen"] = {"before": asdict(before), "after": asdict(after)}
     if as_json:

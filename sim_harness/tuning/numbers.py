@@ -50,16 +50,14 @@ class NumberedText:
             return float(weight.group(1)) if weight else 1.0
         return float(spots[0].text)
 
-    def changed(self, values: Mapping[str, float]) -> str:
+    def change_numbers(self, values: Mapping[str, float]) -> str:
         """The text with other numbers. Raises InputError for an unknown name."""
         edits: dict[tuple[int, int], str] = {}
         for name, value in values.items():
             for spot in self._spots(name):
                 key = spot.start, spot.end
                 edits[key] = (
-                    _reweighted(edits.get(key, spot.text), value)
-                    if name.startswith("rules.")
-                    else f"{value:g}"
+                    _reweight(edits.get(key, spot.text), value) if name.startswith("rules.") else f"{value:g}"
                 )
         text = self.text
         for (start, end), new in sorted(edits.items(), reverse=True):
@@ -125,7 +123,7 @@ def _spot(node: Any) -> _Spot:
     return _Spot(start, end, node.start_mark.buffer[start:end] if node.start_mark.buffer else str(node.value))
 
 
-def _reweighted(sentence: str, weight: float) -> str:
+def _reweight(sentence: str, weight: float) -> str:
     """A rule with another weight; quotes around the rule are kept."""
     if _WEIGHT.search(sentence):
         return _WEIGHT.sub(f"with weight {weight:g}", sentence)

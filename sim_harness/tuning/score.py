@@ -102,7 +102,7 @@ def reference(case: Case) -> Fearless:
     )
 
 
-def driven_by(rules: Path, planned: Plan) -> list[Case]:
+def cases_with_rules(rules: Path, planned: Plan) -> list[Case]:
     """The cases of a plan, in its order, with the rule file ``rules``."""
     changes = {"rules": str(rules)}
     return [replace(case, scenario=case.scenario.model_copy(update=changes)) for case in planned.values()]
@@ -110,7 +110,7 @@ def driven_by(rules: Path, planned: Plan) -> list[Case]:
 
 def score(rules: Path, planned: Plan, references: list[Fearless], costs: Costs) -> Score:
     """Drive ``planned`` with ``rules``; ``references`` are its drives without fear. Raises RunCrashed."""
-    cases = driven_by(rules, planned)
+    cases = cases_with_rules(rules, planned)
     rows = [outcome.row for _, outcome in in_this_process(plan(cases))]
     for row in rows:
         if not is_complete(row):
@@ -129,7 +129,7 @@ def score(rules: Path, planned: Plan, references: list[Fearless], costs: Costs) 
 def references(rules: Path, planned: Plan, workers: int) -> list[Fearless]:
     """Reference drives of a plan without fear, in its order. Raises what a run raises."""
     with TemporaryDirectory() as folder:
-        return list(imap(reference, driven_by(fearless(rules, Path(folder)), planned), workers))
+        return list(imap(reference, cases_with_rules(fearless(rules, Path(folder)), planned), workers))
 
 
 def both(before: Path, after: Path, planned: Plan, costs: Costs, workers: int) -> tuple[Score, Score]:

@@ -32,7 +32,7 @@ class Span(Settings):
             raise ValueError(f"low {self.low:g} must be below high {self.high:g}")
         return self
 
-    def rounded(self, value: float) -> float:
+    def round_value(self, value: float) -> float:
         """``value`` rounded to a thousandth of the span."""
         step = 10.0 ** round(math.log10((self.high - self.low) / 10**DIGITS))
         return min(max(round(round(value / step) * step, 12), self.low), self.high)

@@ -83,7 +83,7 @@ def open_storage(url: str) -> BaseStorage:
 def candidate(task: StudyTask, values: dict[str, float], folder: Path) -> Path:
     """The rule file with other values, checked. Raises Invalid."""
     path = folder / "candidate.yaml"
-    path.write_text(NumberedText(task.rules).changed(values), encoding="utf-8")
+    path.write_text(NumberedText(task.rules).change_numbers(values), encoding="utf-8")
     try:
         problems = verify(FearRules.load(path)).problems
     except InputError as error:
@@ -95,7 +95,7 @@ def candidate(task: StudyTask, values: dict[str, float], folder: Path) -> Path:
 
 def search(task: StudyTask, workers: int, tell: Tell) -> list[FrozenTrial]:
     """Search until the study has its trials; returns them. An interrupt leaves finished trials in the storage."""
-    study = _opened(task)
+    study = _open_study(task)
     session = os.urandom(8).hex()
     processes: list[SpawnProcess] = []
     try:
@@ -130,7 +130,7 @@ def cost(trial: FrozenTrial) -> float:
     return float(trial.user_attrs[SCORE]["cost"])
 
 
-def _opened(task: StudyTask) -> optuna.Study:
+def _open_study(task: StudyTask) -> optuna.Study:
     """The study in its storage; a new study begins with the values of the file."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.create_study(study_name=task.name, storage=open_storage(task.storage), load_if_exists=True)
@@ -158,19 +158,19 @@ def _work(task: StudyTask, number: int, session: str) -> None:
     study.sampler = TPESampler(seed=seed, multivariate=True, constant_liar=True)
     invalid = 0
     with TemporaryDirectory() as folder:
-        while invalid < MOST_INVALID and _wanted(study, task, session):
+        while invalid < MOST_INVALID and _is_trial_wanted(study, task, session):
             trial = study.ask()
             trial.set_user_attr(SESSION, session)
-            invalid = 0 if _evaluated(study, trial, task, Path(folder)) else invalid + 1
+            invalid = 0 if _evaluate(study, trial, task, Path(folder)) else invalid + 1
 
 
-def _wanted(study: optuna.Study, task: StudyTask, session: str) -> bool:
+def _is_trial_wanted(study: optuna.Study, task: StudyTask, session: str) -> bool:
     trials = study.get_trials(deepcopy=False)
     under_way = [t for t in trials if t.state == TrialState.RUNNING and t.user_attrs.get(SESSION) == session]
     return len(complete(trials)) + len(under_way) < task.trials
 
 
-def _evaluated(study: optuna.Study, trial: optuna.Trial, task: StudyTask, folder: Path) -> bool:
+def _evaluate(study: optuna.Study, trial: optuna.Trial, task: StudyTask, folder: Path) -> bool:
     """Evaluate one candidate; False when it is invalid."""
     for name, span in task.parameters.items():
         trial.suggest_float(name, span.low, span.high)
@@ -188,4 +188,4 @@ def _evaluated(study: optuna.Study, trial: optuna.Trial, task: StudyTask, folder
 
 def values_of(trial: optuna.Trial | FrozenTrial, parameters: dict[str, Span]) -> dict[str, float]:
     """The values that a trial tries, rounded to a readable number of digits."""
-    return {name: span.rounded(trial.params[name]) for name, span in parameters.items()}
+    return {name: span.round_value(trial.params[name]) for name, span in parameters.items()}

@@ -13,13 +13,13 @@ from learning.drawn_frames import (
     MIN_RADIUS_M,
     LaneSample,
     _blinding_light,
-    _mirrored,
+    _mirror_camera,
     _random_light,
     _random_place,
+    add_seams,
     highway,
     random_road,
     road_samples,
-    seamed,
 )
 from learning.roadside import Scenery
 from sim_harness.world.render.renderer import Renderer
@@ -79,7 +79,7 @@ def test_a_highway_has_up_to_six_lanes_and_wide_bends(seed):
 
 def test_seams_are_the_only_change_of_a_seamed_road():
     road = random_road(np.random.default_rng(3))
-    with_seams = seamed(road, np.random.default_rng(4))
+    with_seams = add_seams(road, np.random.default_rng(4))
     assert all(1 <= len(section.seams_m) <= 3 for section in with_seams.sections)
     bare = [section.model_copy(update={"seams_m": ()}) for section in with_seams.sections]
     assert with_seams.settings.model_copy(update={"sections": tuple(bare)}) == road.settings
@@ -112,7 +112,7 @@ def test_a_mirrored_frame_shows_the_mirror_image_of_the_road():
         )
         road = Road(settings)
         x_m, y_m = road.position(30.0, sign * 0.4)
-        view = camera if sign < 0 else _mirrored(camera)
+        view = camera if sign < 0 else _mirror_camera(camera)
         frames[sign] = Renderer(road, view, seed=1).render(
             x_m, y_m, road.heading_at(30.0) + sign * 0.1, t_s=0, light=Light(noise=0)
         )

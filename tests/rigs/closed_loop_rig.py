@@ -55,7 +55,7 @@ def drive(
         now_s = tick * TICK_S
         station_m, offset_m = line.local_coordinates(car.x_m, car.y_m, near_station_m=station_m)
         heading_rad = math.remainder(car.yaw_rad - line.heading_at(station_m), math.tau)
-        measured = plant.measured(car, now_s)
+        measured = plant.measure(car, now_s)
         if tick % FRAME_EVERY == 0:
             frames.append(_see(line, now_s, station_m, offset_m, heading_rad, cap_mps, sight_delay_s))
         arrived = [frame for frame in frames if frame.decided_s <= now_s + 1e-9]

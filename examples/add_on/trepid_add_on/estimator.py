@@ -37,22 +37,22 @@ class MirroredCv:
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The estimate of ``frame``; every field that is odd in a mirror is turned back."""
         image = np.ascontiguousarray(frame.image[:, ::-1])
-        found = self._estimator.step(replace(frame, image=image), _mirrored(state), now_s=now_s)
+        found = self._estimator.step(replace(frame, image=image), _mirror_state(state), now_s=now_s)
         values = {name: getattr(found, name) for name in ODD}
         return replace(
             found,
             estimator=NAME,
             **{name: None if value is None else -value for name, value in values.items()},
-            left_boundary_px=self._turned(found.right_boundary_px),
-            right_boundary_px=self._turned(found.left_boundary_px),
+            left_boundary_px=self._turn_path(found.right_boundary_px),
+            right_boundary_px=self._turn_path(found.left_boundary_px),
         )
 
-    def _turned(self, path: PixelPath) -> PixelPath:
+    def _turn_path(self, path: PixelPath) -> PixelPath:
         """A boundary with its columns counted from the other side."""
         return tuple((self._last_px - x_px, y_px) for x_px, y_px in path)
 
 
-def _mirrored(state: VehicleState | None) -> VehicleState | None:
+def _mirror_state(state: VehicleState | None) -> VehicleState | None:
     if state is None:
         return None
     odd = {

@@ -48,7 +48,7 @@ class Acados:
 
     def __init__(self, folder: Path, name: str, grid: Grid, soft: Soft, options: dict[str, Any]) -> None:
         with _on_stderr():
-            self._solver = _built(folder, name, grid, soft, options)
+            self._solver = _build(folder, name, grid, soft, options)
         self._grid = grid
         self._preview, self._command_bounds = preview(grid), command_bounds(grid)
 
@@ -93,8 +93,8 @@ class Acados:
         return np.array([float(self._solver.get(k, "u")[0]) for k in range(self._grid.stages)])
 
 
-def _built(folder: Path, name: str, grid: Grid, soft: Soft, options: dict[str, Any]) -> Any:
-    acados = _imported(folder)
+def _build(folder: Path, name: str, grid: Grid, soft: Soft, options: dict[str, Any]) -> Any:
+    acados = _import_acados(folder)
     ocp, model = acados.AcadosOcp(), acados.AcadosModel()
     model.name = name
     model.x, model.u, model.p = ca.SX.sym("x", 4), ca.SX.sym("w"), ca.SX.sym("p", 4)
@@ -133,7 +133,7 @@ def _state_limits(limits: Any) -> None:
     limits.idxbx_e, limits.lbx_e, limits.ubx_e = np.array([3]), -np.ones(1), np.ones(1)
 
 
-def _imported(folder: Path) -> Any:
+def _import_acados(folder: Path) -> Any:
     """acados's template package, in the folder layout of its sources."""
     package = _package()
     links = {name: package / "install" / name for name in ("lib", "include", "bin")}

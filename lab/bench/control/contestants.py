@@ -14,7 +14,7 @@ from trepid.car.vehicle import REAR_SLIP, Vehicle
 from trepid.config import CONFIG_DIR, load
 
 
-def shipped() -> ControllerSettings:
+def shipped_settings() -> ControllerSettings:
     """``config/controller.yaml``."""
     return load(CONFIG_DIR / "controller.yaml", ControllerSettings)
 
@@ -26,7 +26,7 @@ def with_law(settings: ControllerSettings, law: LawName) -> ControllerSettings:
 
 def contestants() -> dict[str, ControllerSettings]:
     """The controller with each of its laws."""
-    return {law.value: with_law(shipped(), law) for law in LawName}
+    return {law.value: with_law(shipped_settings(), law) for law in LawName}
 
 
 def unlearning(settings: ControllerSettings) -> ControllerSettings:
@@ -39,7 +39,7 @@ def nominal() -> Vehicle:
     return load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
 
-def tyred(vehicle: Vehicle, model: Model) -> Vehicle:
+def with_tyres(vehicle: Vehicle, model: Model) -> Vehicle:
     """``vehicle`` with the rear tyre stiffness of the plants, where ``model`` has tyres."""
     if model is Model.KINEMATIC:
         return vehicle
@@ -47,7 +47,7 @@ def tyred(vehicle: Vehicle, model: Model) -> Vehicle:
     return vehicle.model_copy(update={REAR_SLIP: rear_slip})
 
 
-def driven(scenario: Scenario, controller: Controller, *, seed: int) -> Trace:
+def drive_scenario(scenario: Scenario, controller: Controller, *, seed: int) -> Trace:
     """``scenario`` driven by the whole chain with another controller."""
     parts = replace(build_parts(scenario, seed=seed), controller=controller)
     return ClosedLoop(scenario, parts, load_simulator()).drive()

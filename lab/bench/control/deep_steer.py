@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Any
 
 from controller.model.bicycle import angle_from_curvature, transposed_angle
-from lab.bench.control.contestants import nominal, shipped
+from lab.bench.control.contestants import nominal, shipped_settings
 from lab.bench.control.episode import FRAME_EVERY, LATENCY_S, Episode, drive, drive_by, road_of
 from lab.bench.control.speeds import MPH
 from sim_harness.world.roads.road import Road
@@ -55,7 +55,7 @@ class AnglesOfFiveMph:
 
 def bench_deep_steer(seed: int) -> dict[str, Any]:
     """Largest distance from the centre [m] by speed; "lost": a wheel left the lane."""
-    vehicle, settings = nominal(), shipped()
+    vehicle, settings = nominal(), shipped_settings()
     rows: dict[str, dict[str, str]] = {}
     for mph in SPEEDS_MPH:
         paper = winding_episode(vehicle, mph * MPH, seed)

@@ -18,7 +18,7 @@ from typing import Any
 
 from controller.controller import Controller
 from controller.model.tyres import Tyres
-from lab.bench.control.contestants import contestants, driven, nominal, tyred
+from lab.bench.control.contestants import contestants, drive_scenario, nominal, with_tyres
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.world.plants.settings import Model
 
@@ -38,10 +38,10 @@ def bench_drift(seed: int) -> dict[str, Any]:
     """Worst over speeds and sides: overshoot over the least possible, by drift; departures; remaining offset."""
     rows: dict[str, dict[str, Any]] = {}
     for model, (law, settings) in product((Model.KINEMATIC, Model.SINGLE_TRACK), contestants().items()):
-        vehicle = tyred(nominal(), model)
+        vehicle = with_tyres(nominal(), model)
         row = rows[f"{law}, {model.value}"] = {"departures": 0, "worst after 4 s [m]": 0.0}
         for drift_mps, scenario in grid(model):
-            trace = driven(scenario, Controller(vehicle, settings), seed=seed)
+            trace = drive_scenario(scenario, Controller(vehicle, settings), seed=seed)
             away_m = abs(trace["lateral_offset_m"])
             lag_s = Tyres(vehicle).lag_s(scenario.start.speed_mps)
             for counted, late_s in {"": 0.0, ", tyres counted": lag_s}.items():

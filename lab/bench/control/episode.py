@@ -69,7 +69,7 @@ class Track(NamedTuple):
         return float(np.abs(self.offset_m).max())
 
     @property
-    def settled_m(self) -> float:
+    def settled_offset_m(self) -> float:
         """The largest from ``SETTLED_S`` on; the last offset where the lane was lost before."""
         late_m = self.offset_m[round(SETTLED_S / TICK_S) :]
         return float(np.abs(late_m).max(initial=abs(self.offset_m[-1])))
@@ -122,11 +122,11 @@ def drive_by(steering: Steering, episode: Episode) -> Track:
         now_s = tick * TICK_S
         station_m, offset_m = road.local_coordinates(car.x_m, car.y_m, near_station_m=station_m)
         heading_rad = car.yaw_rad - road.heading_at(station_m)
-        measured = plant.measured(car, now_s)
+        measured = plant.measure(car, now_s)
         if tick % episode.frame_every == 0:
             sight.look(now_s, station_m, offset_m, heading_rad)
         if tick % episode.control_every == 0 or command is None:
-            command = steering.step(sight.decided(now_s), measured, now_s=now_s)
+            command = steering.step(sight.newest_decision(now_s), measured, now_s=now_s)
         offsets_m.append(offset_m)
         if abs(offset_m) > LOST_M:
             break
@@ -175,7 +175,7 @@ class _Sight:
             )
         )
 
-    def decided(self, now_s: float) -> Decision | None:
+    def newest_decision(self, now_s: float) -> Decision | None:
         """The newest decision available at ``now_s``; the first is available at once."""
         while len(self._underway) > 1 and self._underway[1].decided_s <= now_s + 1e-9:
             self._underway.pop(0)

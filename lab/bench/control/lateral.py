@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.laws.lateral import LawName
-from lab.bench.control.contestants import contestants, nominal, shipped, tyred, unlearning
+from lab.bench.control.contestants import contestants, nominal, shipped_settings, unlearning, with_tyres
 from lab.bench.control.episode import SETTLED_S, Episode, drive, road_of, s_curve
 from sim_harness.sweep.progress import SweepProgress
 from sim_harness.world.plants.axles import GRAVITY_MPS2
@@ -47,11 +47,11 @@ def bench_lateral(seed: int) -> dict[str, Any]:
         "S, known car with tyres": Figure(s_curves(Model.SINGLE_TRACK), 0.010),
         "S, delay x lag known": Figure(timings((1.0,)), 0.04),
         "S, delay x lag 30 % wrong": Figure(timings(WRONG), 0.08),
-        "bank 6 %": Figure(pushed(bank_rad=BANK_RAD), 0.08),
-        "bank 6 %, tyres": Figure(pushed(Model.SINGLE_TRACK, bank_rad=BANK_RAD), 0.08),
-        "steering offset 0.5 deg": Figure(pushed(steering_offset_rad=OFFSET_RAD), 0.12),
+        "bank 6 %": Figure(push_episodes(bank_rad=BANK_RAD), 0.08),
+        "bank 6 %, tyres": Figure(push_episodes(Model.SINGLE_TRACK, bank_rad=BANK_RAD), 0.08),
+        "steering offset 0.5 deg": Figure(push_episodes(steering_offset_rad=OFFSET_RAD), 0.12),
         "steering offset 0.5 deg, after 5 s": Figure(
-            pushed(steering_offset_rad=OFFSET_RAD), 0.02, settled=True
+            push_episodes(steering_offset_rad=OFFSET_RAD), 0.02, settled=True
         ),
         "S, all wrong at random": Figure(random_cases(seed), RANDOM_TARGET_M),
     }
@@ -60,7 +60,7 @@ def bench_lateral(seed: int) -> dict[str, Any]:
 
 def bench_random(seed: int, cases: int = MANY_CASES) -> dict[str, Any]:
     """Largest distances from the centre of the lane [m] over cars that differ from their vehicle file."""
-    settings, worst_m = shipped(), []
+    settings, worst_m = shipped_settings(), []
     with SweepProgress(cases, cases) as progress:
         for episode in random_cases(seed, cases):
             worst_m.append(drive(episode, settings).worst_m)
@@ -86,7 +86,7 @@ def _row(figure: Figure) -> dict[str, float]:
                 runs[f"{law}, no understeer"] = _neutral(episode), unlearning(settings)
             for name, run in runs.items():
                 track = drive(*run)
-                error_m = track.settled_m if figure.settled else track.worst_m
+                error_m = track.settled_offset_m if figure.settled else track.worst_m
                 worst[name] = max(worst.get(name, 0.0), round(error_m, 4))
     return worst
 
@@ -111,7 +111,7 @@ def vehicle(*, understeer_deg_per_g: float = 2.0, delay_s: float = 0.1, lag_s: f
 def s_curves(model: Model) -> Iterator[Episode]:
     """Over understeer and speed, on a car that equals its vehicle file, without preview of bends."""
     for understeer, speed_mps in product(UNDERSTEER_DEG_PER_G, SPEEDS_MPS):
-        known = tyred(vehicle(understeer_deg_per_g=understeer), model)
+        known = with_tyres(vehicle(understeer_deg_per_g=understeer), model)
         yield s_curve(speed_mps, known, PlantSettings(model=model))
 
 
@@ -124,7 +124,7 @@ def timings(wrong: tuple[float, ...]) -> Iterator[Episode]:
         yield s_curve(GRID_MPS, known, PlantSettings(vehicle=real), sight_s=sight_s)
 
 
-def pushed(
+def push_episodes(
     model: Model = Model.KINEMATIC, speeds_mps: Iterable[float] = SPEEDS_MPS, **real: Any
 ) -> Iterator[Episode]:
     """Straight on at every speed, with the disturbance present from the start."""
@@ -133,7 +133,7 @@ def pushed(
             road=road_of([(1000.0, 0.0)]),
             speed_mps=speed_mps,
             duration_s=2 * SETTLED_S,
-            nominal=tyred(nominal(), model),
+            nominal=with_tyres(nominal(), model),
             plant=PlantSettings(model=model, **real),
         )
 

@@ -15,9 +15,9 @@ from cockpit.calibration.drive_log import DriveLog, log_of
 from cockpit.calibration.identification import identify_understeer
 from controller.controller import Controller, ControllerSettings
 from controller.steering_learner import SteeringLearner
-from lab.bench.control.contestants import contestants, driven, nominal, shipped, unlearning
+from lab.bench.control.contestants import contestants, drive_scenario, nominal, shipped_settings, unlearning
 from lab.bench.control.episode import drive
-from lab.bench.control.lateral import OFFSET_RAD, pushed
+from lab.bench.control.lateral import OFFSET_RAD, push_episodes
 from sim_harness.judging.trace import Trace
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.plants.settings import Model, PlantSettings
@@ -39,16 +39,18 @@ def _offsets() -> dict[str, Any]:
     for model, (law, settings) in product(MODELS, contestants().items()):
         for learns, ours in (("learning", settings), ("not learning", unlearning(settings))):
             row = rows[f"offset, {law}, {model.value}, {learns}"] = {}
-            for episode in pushed(model, SPEEDS_MPS, steering_offset_rad=OFFSET_RAD):
+            for episode in push_episodes(model, SPEEDS_MPS, steering_offset_rad=OFFSET_RAD):
                 track = drive(episode, ours)
-                row[f"{episode.speed_mps:g} m/s"] = f"{track.worst_m:.3f}, after 5 s {track.settled_m:.3f}"
+                row[f"{episode.speed_mps:g} m/s"] = (
+                    f"{track.worst_m:.3f}, after 5 s {track.settled_offset_m:.3f}"
+                )
     return rows
 
 
 def _laps(seed: int) -> dict[str, Any]:
     """Random cars on the circuit; errors relative to the truth for K [%], absolute for the offset [mrad]."""
     rows: dict[str, str] = {}
-    known, settings = nominal(), shipped()
+    known, settings = nominal(), shipped_settings()
     for number, plant in enumerate(random_cars(known, seed)):
         trace, learner = lap(known, settings, plant, seed + number)
         gradient, offset_rad = plant.vehicle[GRADIENT], plant.steering_offset_rad
@@ -84,7 +86,7 @@ def lap(
     """A lap of the circuit on ``plant`` with the vehicle file ``known``; returns the learned values."""
     scenario = load_scenario("circuit", {"sight": "truth"}).model_copy(update=dict(plant=plant))
     controller = Controller(known, settings)
-    return driven(scenario.shortened(LAP_S), controller, seed=seed), controller.learner
+    return drive_scenario(scenario.shorten(LAP_S), controller, seed=seed), controller.learner
 
 
 def _log(trace: Trace) -> DriveLog:

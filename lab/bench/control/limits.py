@@ -86,7 +86,9 @@ def bench_limits(seed: int, groups: tuple[Group, ...] = GROUPS, folder: Path | N
     folder.mkdir(parents=True, exist_ok=True)
     result: dict[str, Any] = {}
     for group in groups:
-        worst = _driven(group, seed, folder / f"{seed}-{group.model.value}-{fingerprint(*DEPENDS_ON)}.csv")
+        worst = _drive_group(
+            group, seed, folder / f"{seed}-{group.model.value}-{fingerprint(*DEPENDS_ON)}.csv"
+        )
         peak = Worst(*np.max(worst, axis=0).tolist())
         result[group.model.value] = {
             "episodes": len(worst),
@@ -96,7 +98,7 @@ def bench_limits(seed: int, groups: tuple[Group, ...] = GROUPS, folder: Path | N
     return result
 
 
-def _driven(group: Group, seed: int, file: Path) -> list[Worst]:
+def _drive_group(group: Group, seed: int, file: Path) -> list[Worst]:
     """Every episode of ``group``: stored ones from ``file``, the others are driven and stored there."""
     lines = file.read_text().splitlines(keepends=True) if file.exists() else []
     worst = [Worst(*map(float, line.split(","))) for line in lines if line.endswith("\n")][: group.episodes]
@@ -121,7 +123,7 @@ def episode(group: Group, generator: np.random.Generator) -> Worst:
     plant = build_plant(PlantSettings(model=group.model), vehicle)
     limiter = build(plant.vehicle)
     ticks = round(group.duration_s / TICK_S)
-    angles_rad, accels_mps2 = asked(generator, ticks, vehicle.max_road_wheel_angle_rad)
+    angles_rad, accels_mps2 = random_demands(generator, ticks, vehicle.max_road_wheel_angle_rad)
     car, command, rows = _start(plant, group.fastest_mps, generator), None, []
     for tick in range(ticks):
         now_s = tick * TICK_S
@@ -132,11 +134,11 @@ def episode(group: Group, generator: np.random.Generator) -> Worst:
                 speed_mps=0.0,
                 accel_mps2=accels_mps2[tick],
             )
-        given = limiter.step(command, now_s, plant.measured(car, now_s), now_s=now_s)
+        given = limiter.step(command, now_s, plant.measure(car, now_s), now_s=now_s)
         car = plant.step(car, given, TICK_S)
         rows.append((plant.lateral_accel_mps2(car), car.accel_mps2))
     lateral_mps2, accel_mps2 = np.array(rows).T
-    return judged(lateral_mps2, accel_mps2)
+    return judge_columns(lateral_mps2, accel_mps2)
 
 
 def _start(plant: Plant, fastest_mps: float, generator: np.random.Generator) -> PlantState:
@@ -146,7 +148,9 @@ def _start(plant: Plant, fastest_mps: float, generator: np.random.Generator) -> 
     return plant.initial(speed_mps=speed_mps, curvature_1pm=float(generator.uniform(-1, 1)) * tightest_1pm)
 
 
-def asked(generator: np.random.Generator, ticks: int, limit_rad: float) -> tuple[list[float], list[float]]:
+def random_demands(
+    generator: np.random.Generator, ticks: int, limit_rad: float
+) -> tuple[list[float], list[float]]:
     """Demanded angles and accelerations, per tick."""
     t_s = TICK_S * np.arange(ticks)
     size_rad = limit_rad * 10.0 ** generator.uniform(-2.0, 0.2)
@@ -174,7 +178,7 @@ def _spans(generator: np.random.Generator, ticks: int) -> Column:
     return values[:ticks]
 
 
-def judged(lateral_mps2: Column, accel_mps2: Column) -> Worst:
+def judge_columns(lateral_mps2: Column, accel_mps2: Column) -> Worst:
     """The largest magnitudes; accelerations sampled at 100 Hz."""
     settled, _ = sosfilt(_R79, lateral_mps2, zi=sosfilt_zi(_R79) * lateral_mps2[0])
     return Worst(

@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.controller import ControllerSettings
 from controller.speed_control import SpeedControl
-from lab.bench.control.contestants import nominal, shipped
+from lab.bench.control.contestants import nominal, shipped_settings
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.plants.build import build_plant
@@ -29,13 +29,13 @@ FOLLOWING = ("leader_brakes", "stop_and_go", "lead_slow", "standing_car")
 
 def bench_longitudinal(seed: int) -> dict[str, Any]:
     """Errors of stops [m] by speed, the last deceleration and largest jerk; gaps and comfort behind a leader."""
-    settings, vehicle = shipped(), nominal()
+    settings, vehicle = shipped_settings(), nominal()
     rows: dict[str, Any] = {}
     for how, profile in ((Stop.COMFORT, settings.speed.comfort), (Stop.EMERGENCY, settings.speed.emergency)):
         for name, plant in PLANTS.items():
             row, lurches = {}, []
             for speed_mps in SPEEDS_MPS:
-                metres, lurch_mps2 = braked(settings, vehicle, plant, how, speed_mps)
+                metres, lurch_mps2 = brake(settings, vehicle, plant, how, speed_mps)
                 meant = profile.metres_and_seconds(speed_mps)[0] + speed_mps * vehicle.accel_lag_s
                 row[f"{speed_mps:g} m/s"] = f"{metres - meant:+.2f} of {meant:.1f} m"
                 lurches.append(lurch_mps2)
@@ -43,7 +43,7 @@ def bench_longitudinal(seed: int) -> dict[str, Any]:
     return rows | {f"behind {name}": _follow(name, seed) for name in FOLLOWING}
 
 
-def braked(
+def brake(
     settings: ControllerSettings, vehicle: Vehicle, real: PlantSettings, how: Stop, speed_mps: float
 ) -> tuple[float, float]:
     """Distance [m], and the deceleration [m/s²] in the last moment before standstill."""

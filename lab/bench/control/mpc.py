@@ -27,7 +27,7 @@ from controller.laws.mpc import MpcSettings
 from controller.laws.mpc_model import Grid, Problem
 from controller.laws.mpc_solver import Soft, Solver
 from lab.bench.control.acados_peer import CONFIGURATIONS, Acados, missing
-from lab.bench.control.contestants import nominal, shipped, with_law
+from lab.bench.control.contestants import nominal, shipped_settings, with_law
 from lab.bench.control.episode import S_DURATION_S, drive, s_curve
 
 SPEEDS_MPS, DURATION_S = (8.0, 16.0, 30.0), S_DURATION_S
@@ -36,17 +36,17 @@ LOADED_TICKS, TICK_S = 400, 0.02
 CONVERGED = 12  # iterations
 
 
-class Spent(NamedTuple):
+class SolveTimes(NamedTuple):
     """Times of one solve [µs]."""
 
     wall_us: float
     processor_us: float
 
 
-Times = dict[str, list[Spent]]
+Times = dict[str, list[SolveTimes]]
 
 
-class Asked(NamedTuple):
+class SolverCall(NamedTuple):
     """One call of the solver."""
 
     now: Problem
@@ -56,12 +56,12 @@ class Asked(NamedTuple):
 
 def bench_mpc(seed: int) -> dict[str, Any]:
     """Times per tick [µs], their ratios to acados, and the error of the first w."""
-    mpc = shipped().lateral.mpc
-    asked = recorded(shipped(), seed)
+    mpc = shipped_settings().lateral.mpc
+    asked = record_calls(shipped_settings(), seed)
     times: Times = {"trepid": []}
     with tempfile.TemporaryDirectory() as folder:
         peers = _peers(Path(folder), mpc)
-        first = _interleaved(asked, mpc, peers, times)
+        first = _interleave(asked, mpc, peers, times)
     rows: dict[str, Any] = {name: _row(spent) for name, spent in times.items()}
     optimum = np.array([_optimal(one.now, mpc) for one in asked])
     for name, w in first.items():
@@ -72,7 +72,7 @@ def bench_mpc(seed: int) -> dict[str, Any]:
         rows[name] |= _ratios(times["trepid"], times[name])
     if reason := missing():
         rows["acados"] = reason
-    rows["trepid, two other processes busy, 50 Hz"] = _row(_loaded(asked, mpc))
+    rows["trepid, two other processes busy, 50 Hz"] = _row(_time_under_load(asked, mpc))
     return rows
 
 
@@ -81,16 +81,16 @@ def grid_and_soft(settings: MpcSettings) -> tuple[Grid, Soft]:
     return Grid(settings.stages, settings.stage, settings.quickness), Soft(*settings.soft_price)
 
 
-def recorded(settings: ControllerSettings, seed: int) -> list[Asked]:
+def record_calls(settings: ControllerSettings, seed: int) -> list[SolverCall]:
     """Problems of the law on a drive."""
-    calls: list[Asked] = []
+    calls: list[SolverCall] = []
     solve = Solver.solve
 
-    def noted(solver: Solver, now: Problem, *, shift: float = 0.0, scale: float = 1.0) -> Any:
-        calls.append(Asked(now, shift, scale))
+    def note_call(solver: Solver, now: Problem, *, shift: float = 0.0, scale: float = 1.0) -> Any:
+        calls.append(SolverCall(now, shift, scale))
         return solve(solver, now, shift=shift, scale=scale)
 
-    with mock.patch.object(Solver, "solve", noted):
+    with mock.patch.object(Solver, "solve", note_call):
         for speed_mps in SPEEDS_MPS:
             episode = s_curve(speed_mps, nominal(), offset_noise_m=NOISE_M, start_m=START_M, seed=seed)
             drive(replace(episode, duration_s=DURATION_S), with_law(settings, LawName.MPC))
@@ -107,8 +107,8 @@ def _peers(folder: Path, settings: MpcSettings) -> dict[str, Acados]:
     }
 
 
-def _interleaved(
-    asked: list[Asked], settings: MpcSettings, peers: dict[str, Acados], times: Times
+def _interleave(
+    asked: list[SolverCall], settings: MpcSettings, peers: dict[str, Acados], times: Times
 ) -> dict[str, list[float]]:
     """Every solver solves every problem; fills ``times`` [µs] and returns the first w of every solution."""
     solver = Solver(*grid_and_soft(settings))
@@ -118,21 +118,21 @@ def _interleaved(
         turns = ["trepid", *peers]
         for name in turns if tick % 2 else reversed(turns):
             if name == "trepid":
-                spent, plan = _timed(partial(solver.solve, one.now, shift=one.shift, scale=one.scale))
+                spent, plan = _time_call(partial(solver.solve, one.now, shift=one.shift, scale=one.scale))
             else:
                 peers[name].prepare(one.now, shift=one.shift, scale=one.scale)
-                spent, status = _timed(peers[name].solve)
+                spent, status = _time_call(peers[name].solve)
                 plan = peers[name].plan() if status == 0 else None
             times[name].append(spent)
             first[name].append(float(plan[0]) if plan is not None else np.nan)
     return first
 
 
-def _timed(call: Callable[[], Any]) -> tuple[Spent, Any]:
+def _time_call(call: Callable[[], Any]) -> tuple[SolveTimes, Any]:
     start_s, used_s = time.perf_counter(), time.thread_time()
     result = call()
     used_s, wall_s = time.thread_time() - used_s, time.perf_counter() - start_s
-    return Spent(1e6 * wall_s, 1e6 * used_s), result
+    return SolveTimes(1e6 * wall_s, 1e6 * used_s), result
 
 
 def _optimal(now: Problem, settings: MpcSettings) -> float:
@@ -143,7 +143,7 @@ def _optimal(now: Problem, settings: MpcSettings) -> float:
     return float(plan[0]) if plan is not None else np.nan
 
 
-def _loaded(asked: list[Asked], settings: MpcSettings) -> list[Spent]:
+def _time_under_load(asked: list[SolverCall], settings: MpcSettings) -> list[SolveTimes]:
     """Times at 50 Hz on a machine with a busy process per core."""
     context = multiprocessing.get_context("spawn")
     busy = [context.Process(target=_never_rest, daemon=True) for _ in range(multiprocessing.cpu_count())]
@@ -153,7 +153,7 @@ def _loaded(asked: list[Asked], settings: MpcSettings) -> list[Spent]:
         solver, times = Solver(*grid_and_soft(settings)), []
         for one in asked[:LOADED_TICKS]:
             time.sleep(TICK_S)
-            spent, _ = _timed(partial(solver.solve, one.now, shift=one.shift, scale=one.scale))
+            spent, _ = _time_call(partial(solver.solve, one.now, shift=one.shift, scale=one.scale))
             times.append(spent)
         return times
     finally:
@@ -167,15 +167,15 @@ def _never_rest() -> None:
         pass
 
 
-def _row(times: list[Spent]) -> dict[str, Any]:
+def _row(times: list[SolveTimes]) -> dict[str, Any]:
     row: dict[str, Any] = {}
-    for kind, spent in zip(Spent._fields, zip(*times, strict=True), strict=True):
+    for kind, spent in zip(SolveTimes._fields, zip(*times, strict=True), strict=True):
         p50, p99 = np.percentile(spent, [50, 99])
         row[f"{kind} p50 / p99 / max"] = f"{p50:.0f} / {p99:.0f} / {max(spent):.0f}"
     return row
 
 
-def _ratios(ours: list[Spent], theirs: list[Spent]) -> dict[str, float]:
+def _ratios(ours: list[SolveTimes], theirs: list[SolveTimes]) -> dict[str, float]:
     ratios = np.percentile(ours, [50, 99], axis=0) / np.percentile(theirs, [50, 99], axis=0)
     names = [
         f"trepid / acados, {share}, {kind}" for share in ("p50", "p99") for kind in ("wall", "processor")

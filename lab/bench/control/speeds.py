@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import kendalltau
 
 from controller.controller import ControllerSettings
-from lab.bench.control.contestants import contestants, nominal, tyred
+from lab.bench.control.contestants import contestants, nominal, with_tyres
 from lab.bench.control.episode import Episode, drive, s_clothoid, s_curve
 from sim_harness.world.plants.settings import Model, PlantSettings
 
@@ -45,7 +45,7 @@ def episodes(seed: int) -> Iterator[tuple[Model, Episode]]:
     for model, speed_mps in product((Model.KINEMATIC, Model.SINGLE_TRACK), SPEEDS_MPS):
         lateral_mps2 = min(LATERAL_MPS2, speed_mps**2 / TIGHTEST_M)
         jerk_mps3 = min(JERK_MPS3, speed_mps * lateral_mps2 / SHORTEST_ENTRY_M)
-        episode = s_curve(speed_mps, tyred(nominal(), model), PlantSettings(model=model), seed=seed)
+        episode = s_curve(speed_mps, with_tyres(nominal(), model), PlantSettings(model=model), seed=seed)
         yield (
             model,
             replace(
@@ -82,6 +82,6 @@ def bench_ranking(seed: int) -> dict[str, Any]:
 
 def _rms_m(plant: PlantSettings, settings: ControllerSettings, seed: int) -> float:
     """Rms on the S over both speeds; a lost lane counts up to the loss."""
-    known = tyred(nominal(), Model(plant.model))
+    known = with_tyres(nominal(), Model(plant.model))
     tracks = [drive(s_curve(speed, known, plant, seed=seed), settings) for speed in RANKING_SPEEDS_MPS]
     return float(np.sqrt(np.mean(np.concatenate([track.offset_m for track in tracks]) ** 2)))

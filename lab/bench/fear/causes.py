@@ -106,19 +106,19 @@ def _dark(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutput
     return replace(now, image=_noisy(now.image * light, rng))
 
 
-def _over_exposed(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
+def _over_expose(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=_noisy(now.image * rng.uniform(3.0, 8.0), rng))
 
 
-def _frozen(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
+def _freeze(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=now.past[-1])
 
 
-def _looped(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
+def _loop(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=now.past[-2])
 
 
-def _blurred(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
+def _blur(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=cv2.GaussianBlur(now.image, (0, 0), rng.uniform(8, 14)).astype(np.uint8))
 
 
@@ -126,12 +126,12 @@ def _dirty(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutpu
     return replace(now, image=scene.image(number, "dirt", grade=4.0))
 
 
-def _occluded(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
+def _occlude(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     lead_m = rng.uniform(6.5, 8.0)
     return replace(now, image=scene.image(number, ahead_m=(lead_m + FRONT_M,)), lead_m=lead_m)
 
 
-def _unmarked(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
+def _remove_marks(now: FrameOutputs, scene: Scene, number: int, rng: Rng) -> FrameOutputs:
     return replace(now, image=scene.image(number, "unmarked"))
 
 
@@ -153,13 +153,13 @@ def _lying(estimator: str) -> Fault:
 
 FAULTS: dict[str, tuple[str, Fault]] = {
     "no light": ("dark", _dark),
-    "far too much light": ("over_exposed", _over_exposed),
-    "one image again and again": ("frozen_camera", _frozen),
-    "two images by turns": ("frozen_camera", _looped),
-    "out of focus": ("blurred", _blurred),
+    "far too much light": ("over_exposed", _over_expose),
+    "one image again and again": ("frozen_camera", _freeze),
+    "two images by turns": ("frozen_camera", _loop),
+    "out of focus": ("blurred", _blur),
     "mud on the lens": ("dirty_lens", _dirty),
-    "a lorry close ahead": ("occluded", _occluded),
-    "the lines end": ("unmarked", _unmarked),
+    "a lorry close ahead": ("occluded", _occlude),
+    "the lines end": ("unmarked", _remove_marks),
     "facing the field": ("no_road", _no_road),
     "cv silent": ("lost_estimator", _lost("cv")),
     "cnn silent": ("lost_estimator", _lost("cnn")),

@@ -162,7 +162,7 @@ def at_random(whole: Messages, rng: random.Random) -> Messages:
     return broken
 
 
-def lowered(clean: float, fear: float) -> bool:
+def is_lower(clean: float, fear: float) -> bool:
     """Whether ``fear`` is below ``clean`` or NaN."""
     return not fear >= clean - 1e-12
 
@@ -178,6 +178,6 @@ def bench_fuzz(seed: int) -> dict[str, Any]:
     ]
     rows: dict[str, Any] = {f"clean fear, {name}": round(fear, 3) for name, fear in clean.items()}
     for what, cases in (("one number broken", singles), ("several broken", several)):
-        calmed = sum(lowered(clean[name], afraid.fear(whole[name], broken)) for name, broken in cases)
+        calmed = sum(is_lower(clean[name], afraid.fear(whole[name], broken)) for name, broken in cases)
         rows[what] = f"{len(cases)} cases, {calmed} below the clean value, target 0; no exception"
     return rows

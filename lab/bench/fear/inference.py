@@ -81,7 +81,7 @@ def times_us(rules: FearRules, points: list[Point], *, count: int = INFERENCES) 
     """Median and 99th percentile of one inference [us]."""
     spent = np.empty((count, 2))  # filled in place: a growing list would be measured too
     for i in range(count):
-        spent[i] = _spent(rules.evaluate, points[i % len(points)])
+        spent[i] = _time_call(rules.evaluate, points[i % len(points)])
     return _summary(spent)
 
 
@@ -94,8 +94,8 @@ def beside_scikit(rules: FearRules, points: list[Point]) -> dict[str, Any]:
     row["target"] = "met" if all(row[name] <= limit for name, limit in TARGET_US.items()) else "missed"
     peer, ours, theirs = simulation(rules), [], []
     for turn in range(PEER_INFERENCES):
-        ours += [_spent(rules.evaluate, point) for point in points[:50]]
-        theirs.append(_spent(fear_of, peer, points[turn % len(points)]))
+        ours += [_time_call(rules.evaluate, point) for point in points[:50]]
+        theirs.append(_time_call(fear_of, peer, points[turn % len(points)]))
     row["scikit_fuzzy_median_us"] = _summary(theirs)["median_us"]
     row["ratio"] = round(row["scikit_fuzzy_median_us"] / _summary(ours)["median_us"])
     return row
@@ -121,7 +121,7 @@ def growth(rules: FearRules, points: list[Point], *, count: int = MANY) -> dict[
     return {"blocks": left, "peak_memory_kib": _peak_kib() - peak_kib}
 
 
-def _spent(call: Callable[..., object], *args: object) -> Spent:
+def _time_call(call: Callable[..., object], *args: object) -> Spent:
     wall_s, used_s = time.perf_counter(), time.thread_time()
     call(*args)
     used_s = time.thread_time() - used_s

@@ -51,13 +51,13 @@ def choice_of(driver: Driver) -> Choice:
         if driver is Driver.FUSED:
             return None if supervised.path_t_s is None else FollowedLane.of(supervised, supervised.path_t_s)
         seen = {name: e for name, e in estimates.items() if e is not None and e.lateral_offset_m is not None}
-        lane = chosen(seen, driver)
+        lane = choose_estimate(seen, driver)
         return None if lane is None else FollowedLane.of(lane, lane.t_s)
 
     return choice
 
 
-def chosen(seen: Mapping[str, SteeringEstimate], driver: Driver) -> SteeringEstimate | None:
+def choose_estimate(seen: Mapping[str, SteeringEstimate], driver: Driver) -> SteeringEstimate | None:
     """The lane that ``driver`` follows, from the estimates with a lane."""
     if driver is Driver.SUREST:
         return max(seen.values(), key=lambda e: e.confidence, default=None)
@@ -134,10 +134,10 @@ def warnings_s(trace: Trace) -> list[float]:
 def bench_supervision(seed: int, quick: bool = False) -> Row:
     """The table of drivers, and the figures of fear; ``quick``: of the supervised car alone."""
     path = WORK_DIR / "runs" / f"supervision_{seed}.jsonl"
-    return summary(driven(seed, CASES, path, supervised_only=quick))
+    return summary(drive_all(seed, CASES, path, supervised_only=quick))
 
 
-def driven(seed: int, count: int, path: Path, *, supervised_only: bool = False) -> list[Row]:
+def drive_all(seed: int, count: int, path: Path, *, supervised_only: bool = False) -> list[Row]:
     """Every drive; stored ones are read from ``path``."""
     tasks = {
         f"{case.key} {name}": (case, str(name))

@@ -30,10 +30,10 @@ def episodes(seed: int, count: int, *, rendered: bool) -> list[Row]:
     """The episodes of ``count`` cases; stored ones are not driven again."""
     path = WORK_DIR / "runs" / f"follow_{'rendered' if rendered else 'modelled'}_{seed}.jsonl"
     wanted = {str(one): one for one in range(seed * 10_000, seed * 10_000 + count)}
-    return stored_rows(path, partial(_driven, rendered=rendered), wanted)
+    return stored_rows(path, partial(_drive, rendered=rendered), wanted)
 
 
-def _driven(seed: int, *, rendered: bool) -> Row:
+def _drive(seed: int, *, rendered: bool) -> Row:
     return row(drive(seed, rendered=rendered))
 
 

@@ -30,11 +30,11 @@ def bench_dbc() -> dict[str, Any]:
         raise InputError("bench dbc reads the files of opendbc: pip install 'trepid[test]'")
     counts: Counter[str] = Counter()
     for path in sorted(Path(found.origin).parent.rglob("*.dbc")):
-        counts += counted(path)
+        counts += count_file(path)
     return {"opendbc": {name: counts[name] for name in COLUMNS}}
 
 
-def counted(path: Path) -> Counter[str]:
+def count_file(path: Path) -> Counter[str]:
     """What :func:`bench_dbc` counts, of one file."""
     theirs = _of_cantools(path, strict=False)
     counts = Counter(

@@ -50,8 +50,11 @@ def bench_opendrive(seed: int, *, data: Path | None = None) -> dict[str, Any]:
     """
     counts: dict[str, Counter[str]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for name, path in [*_stored(data_folder(data) / "opendrive"), *_generated(Path(folder), seed)]:
-            counts.setdefault(name, Counter()).update(counted(path))
+        for name, path in [
+            *_stored_roads(data_folder(data) / "opendrive"),
+            *_generated_networks(Path(folder), seed),
+        ]:
+            counts.setdefault(name, Counter()).update(count_lanes(path))
     return {name: _row(found) for name, found in counts.items()}
 
 
@@ -61,12 +64,12 @@ def _row(found: Counter[str]) -> dict[str, Any]:
     return {name: found[name] for name in COLUMNS} | {"close_share": share}
 
 
-def _stored(folder: Path) -> Iterator[tuple[str, Path]]:
+def _stored_roads(folder: Path) -> Iterator[tuple[str, Path]]:
     for path in sorted(folder.rglob("*.xodr")):
         yield path.parent.name, path
 
 
-def _generated(folder: Path, seed: int) -> Iterator[tuple[str, Path]]:
+def _generated_networks(folder: Path, seed: int) -> Iterator[tuple[str, Path]]:
     """Networks of SUMO. Raises InputError when it cannot be installed."""
     install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(folder), SUMO]
     if subprocess.run(install, check=False, stdout=subprocess.DEVNULL).returncode:
@@ -83,7 +86,7 @@ def _generated(folder: Path, seed: int) -> Iterator[tuple[str, Path]]:
         yield f"SUMO {name}", path
 
 
-def counted(path: Path) -> Counter[str]:
+def count_lanes(path: Path) -> Counter[str]:
     """What :func:`bench_opendrive` counts, of the lanes in the first section of every road of a file."""
     found: Counter[str] = Counter()
     for road in etree.parse(str(path)).getroot().findall("road"):
@@ -91,11 +94,11 @@ def counted(path: Path) -> Counter[str]:
             number = int(lane.get("id"))
             if number and lane.get("type") in DRIVEN:
                 found["lanes"] += 1
-                found.update(judged(path, road, number))
+                found.update(columns_of(path, road, number))
     return found
 
 
-def judged(path: Path, road: Any, lane: int) -> Iterator[str]:
+def columns_of(path: Path, road: Any, lane: int) -> Iterator[str]:
     """The columns in which a lane counts."""
     truth = centre(road, lane)
     try:

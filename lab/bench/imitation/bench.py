@@ -16,7 +16,7 @@ import cv2
 
 from lab.bench.imitation.harness import bench_harness
 from lab.bench.imitation.training_code import code_of_training, train_once
-from lab.bench.imitation.verdict import simulated, verdicts
+from lab.bench.imitation.verdict import judge_simulation, verdicts
 from lab.bench.real.sets import data_folder
 from learning.dataset.build import BuildOptions, build, read_logs
 from learning.dataset.dataset import CARD, Dataset, Split
@@ -71,14 +71,14 @@ def bench_imitation(
     tables: dict[str, Any] = {}
     if HARNESS in sets or not sets:
         tables = bench_harness(FOLDER / f"harness-{seed}", quick=quick, seed=seed, jobs=jobs or 1)
-        tables["figures of the simulator"] = simulated(tables)
+        tables["figures of the simulator"] = judge_simulation(tables)
     found, absent = {}, {}
     for name in sets or SETS:
         if name == HARNESS:
             continue
         folder = data_folder(data) / name
         if folder.is_dir():
-            found[name] = built(folder)
+            found[name] = build_dataset(folder)
         else:
             absent[name] = {"left out": f"no folder {name} in the data folder"}
     tasks = {
@@ -88,7 +88,7 @@ def bench_imitation(
     }
     judging = fingerprint(*import_closure(["learning.judging.evaluate", __name__]), "config")
     codes = {case: short_hash(task.out.stem, judging) for case, task in tasks.items()}
-    rows = iter(stored_rows(FOLDER / "rows.jsonl", judged, tasks, codes=codes, jobs=jobs or 1))
+    rows = iter(stored_rows(FOLDER / "rows.jsonl", judge_training, tasks, codes=codes, jobs=jobs or 1))
     table: dict[str, dict[str, Row]] = {}
     for name, dataset in found.items():
         table[name] = {network: next(rows) for network in (PEER, *OURS)}
@@ -98,7 +98,7 @@ def bench_imitation(
     return tables | absent
 
 
-def built(source: Path) -> Dataset:
+def build_dataset(source: Path) -> Dataset:
     """The data set of the real drive in ``source``, built once for each content and code."""
     faults = Faults(strict=False)
     logs = read_logs([source], faults, TableOptions())
@@ -128,7 +128,7 @@ def _task(dataset: Dataset, network: str, *, quick: bool) -> DatasetTraining:
     return DatasetTraining(dataset.folder, network, recipe, out)
 
 
-def judged(task: DatasetTraining) -> Row:
+def judge_training(task: DatasetTraining) -> Row:
     """Train a network, unless it is there, and score it on the test split."""
     dataset = Dataset.open(task.data)
     train_once(dataset, task.network, task.out, task.recipe, "trepid bench imitation")

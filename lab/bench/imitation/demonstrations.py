@@ -16,7 +16,7 @@ import numpy as np
 
 from controller.laws.feedforward import Feedforward
 from controller.laws.law import Acting
-from lab.bench.control.contestants import nominal, shipped
+from lab.bench.control.contestants import nominal, shipped_settings
 from lab.bench.control.speeds import MPH
 from learning.correcting.alone import EXPERT
 from learning.dataset.build import built_once
@@ -29,7 +29,7 @@ from sim_harness.lockstep.recording import recording
 from sim_harness.lockstep.unsupervised import FollowedLane, UnsupervisedDriver
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
-from sim_harness.sweep.store import finished
+from sim_harness.sweep.store import finish_tasks
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.messages import Decision, SimTruth, SteeringEstimate
@@ -70,7 +70,7 @@ def demonstrations(folder: Path, *, roads: int, seed: int, jobs: int) -> dict[st
         "unseen": [_on_shipped_road(drives, name, changes) for name, changes in UNSEEN.items()],
     }
     missing = {one.path.stem: one for group in wanted.values() for one in group if not one.path.is_file()}
-    for name, row in finished(demonstrate, missing, jobs):
+    for name, row in finish_tasks(demonstrate, missing, jobs):
         say(
             f"{name}: {row['distance_m']:.0f} m, at most {row['max_lateral_error_m']:.2f} m beside the centre"
         )
@@ -114,39 +114,39 @@ def demonstrate(task: Demonstration) -> dict[str, float]:
     partial.unlink(missing_ok=True)
     with recording(partial, scenario) as witness:
 
-        def settled(now: Instant) -> None:
+        def watch_settled(now: Instant) -> None:
             if now.truth.t_s >= SETTLED_S:
                 witness(now)
 
-        metrics = drive_exactly(scenario, seed=seed, witness=settled).metrics
+        metrics = drive_exactly(scenario, seed=seed, witness=watch_settled).metrics
     partial.replace(path)
     return {"distance_m": metrics.distance_m, "max_lateral_error_m": metrics.max_lateral_error_m}
 
 
 def drive_exactly(scenario: Scenario, *, seed: int, witness: Witness | None = None) -> Result:
-    """Drive at constant set speed along the arcs of :func:`turned`."""
+    """Drive at constant set speed along the arcs of :func:`followed_lane`."""
     parts = build_parts(scenario, seed=seed)
     vehicle = nominal()
     oracle = Oracle(EXPERT, parts.vehicle.road, vehicle)
-    law = Feedforward(shipped().lateral.feedforward, vehicle)
+    law = Feedforward(shipped_settings().lateral.feedforward, vehicle)
     newest: FollowedLane | None = None
 
     def choice(_: Decision, __: object) -> FollowedLane | None:
         return newest
 
-    def watched(now: Instant) -> None:
+    def watch(now: Instant) -> None:
         nonlocal newest
-        newest = turned(now.truth, oracle.step(now.truth), law, vehicle)
+        newest = followed_lane(now.truth, oracle.step(now.truth), law, vehicle)
         if witness is not None:
             witness(now)
 
     speed_mps = scenario.speed_mps or SPEED_MPS
     driver = UnsupervisedDriver(parts.supervisor, EXPERT, choice, cruise_speed_mps=speed_mps)
     parts = replace(parts, supervisor=driver, lead=None)  # type: ignore[arg-type]
-    return run(scenario, seed=seed, parts=parts, witness=watched)
+    return run(scenario, seed=seed, parts=parts, witness=watch)
 
 
-def turned(
+def followed_lane(
     truth: SimTruth, exact: SteeringEstimate, law: Feedforward, vehicle: Vehicle
 ) -> FollowedLane | None:
     """The arc that ``law`` follows at AS_MPS, of the lane ``exact`` at ``truth``."""

@@ -84,7 +84,7 @@ def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[st
     tasks = {name: _task(folder, sets, name, changes, quick=quick) for name, changes in NETWORKS.items()}
     judging = fingerprint(*import_closure(["learning.judging.evaluate", __name__]), "config")
     codes = {name: short_hash(task.out.stem, judging) for name, task in tasks.items()}
-    rows = stored_rows(folder / "rows.jsonl", judged, tasks, codes=codes, jobs=jobs)
+    rows = stored_rows(folder / "rows.jsonl", judge_training, tasks, codes=codes, jobs=jobs)
     table = dict(zip(tasks, rows, strict=True))
     tables: dict[str, dict[str, Row]] = {"unseen roads": table}
     shifts = {name: row.pop("shifts") for name, row in table.items()}
@@ -112,7 +112,7 @@ def _task(
     )
 
 
-def judged(task: RoadTraining) -> Row:
+def judge_training(task: RoadTraining) -> Row:
     """Train a network, unless it is there, and score it on the unseen roads."""
     data, unseen = Dataset.open(task.random), Dataset.open(task.unseen)
     train_once(data, task.network, task.out, task.recipe, "trepid bench imitation")
@@ -132,11 +132,11 @@ def judged(task: RoadTraining) -> Row:
         "error_rank_correlation": row["uncertainty"]["risk"]["spearman"],
         "weights": row["parameters"],
         "frames": row["frames"],
-        "shifts": shifted(model, benches[1], found[1]),
+        "shifts": judge_shifts(model, benches[1], found[1]),
     }
 
 
-def shifted(model: JudgedModel, bench: Bench, plain: Predictions) -> dict[str, Row]:
+def judge_shifts(model: JudgedModel, bench: Bench, plain: Predictions) -> dict[str, Row]:
     """Shift -> coverage of the 90 % intervals, share of images outside the network's world, change of the angle.
 
     ``plain``: the predictions without a shift.
@@ -156,7 +156,7 @@ def shifted(model: JudgedModel, bench: Bench, plain: Predictions) -> dict[str, R
 
 def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str, dict[str, Row]]:
     """Scenario -> farthest place beside the centre and autonomy by speed, alone; scores of the other drivers."""
-    names = QUICK_SCENARIOS if quick else steered()
+    names = QUICK_SCENARIOS if quick else steering_scenarios()
     speeds = QUICK_SPEEDS_MPH if quick else SPEEDS_MPH
     drives = {
         f"{name} {mph} mph": NetworkDrive(_scenario(name, network, mph), driver="alone")
@@ -164,7 +164,9 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
         for mph in speeds
     }
     drives |= {
-        f"{name} {mph} mph supervised": NetworkDrive(supervised(name, network, mph), driver="supervised")
+        f"{name} {mph} mph supervised": NetworkDrive(
+            supervised_scenario(name, network, mph), driver="supervised"
+        )
         for name in names
         for mph in speeds
     }
@@ -180,7 +182,11 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
     code = fingerprint(*import_closure(modules), "config", "perception/weights")
     codes = dict.fromkeys(drives, f"{code} {network.stem}")
     rows = dict(
-        zip(drives, stored_rows(folder / "drives.jsonl", driven, drives, codes=codes, jobs=jobs), strict=True)
+        zip(
+            drives,
+            stored_rows(folder / "drives.jsonl", drive_network, drives, codes=codes, jobs=jobs),
+            strict=True,
+        )
     )
     titles = {
         FARTHEST: ("", "max_lateral_error_m"),
@@ -197,7 +203,7 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
     return tables | {EXACT.format(max(speeds)): {name: rows[f"{name} exact"] for name in names}}
 
 
-def steered() -> list[str]:
+def steering_scenarios() -> list[str]:
     """The nominal and the unmarked scenarios without other vehicles."""
     found = [one for one in list_scenarios() if not one.traffic and one.sight is Sight.CAMERA]
     return [one.name for one in found if set(one.tags) & TAGS]
@@ -208,7 +214,7 @@ def _scenario(name: str, network: Path, mph: float) -> Scenario:
     return scenario_for(name, network, {"speed_mps": speed, "start.speed_mps": speed})
 
 
-def supervised(name: str, network: Path, mph: float) -> Scenario:
+def supervised_scenario(name: str, network: Path, mph: float) -> Scenario:
     """The scenario with the network beside BESIDE, and SLACK times the time that its route takes at this speed."""
     speed_mps = mph * MPH
     speed = {"speed_mps": str(speed_mps), "start.speed_mps": str(speed_mps)}
@@ -217,7 +223,7 @@ def supervised(name: str, network: Path, mph: float) -> Scenario:
     return scenario.model_copy(update={"duration_s": max(scenario.duration_s, SLACK * route_s)})
 
 
-def driven(task: NetworkDrive) -> Row:
+def drive_network(task: NetworkDrive) -> Row:
     """The scores of a drive."""
     match task.driver:
         case "alone":

@@ -46,18 +46,18 @@ def _verdict(row: Row, peer: Row, rows: Mapping[str, Row], *, simulated: bool) -
     r2, coverage = row["r2"], row["coverage_90"]
     return {
         "error_to_peer": row["mae_deg"] / peer["mae_deg"],
-        f"at_most_{MOST_TO_PEER}": _met(row["mae_deg"] <= MOST_TO_PEER * peer["mae_deg"]),
+        f"at_most_{MOST_TO_PEER}": _met_or_missed(row["mae_deg"] <= MOST_TO_PEER * peer["mae_deg"]),
         "error_to_blind": row["mae_deg"] / blind,
-        "below_1": _met(row["mae_deg"] < blind),
+        "below_1": _met_or_missed(row["mae_deg"] < blind),
         "r2": r2,
         "least_r2": least,
-        "r2_enough": _met(r2 is not None and (r2 >= least if simulated else r2 > least)),
+        "r2_enough": _met_or_missed(r2 is not None and (r2 >= least if simulated else r2 > least)),
         "coverage_90": coverage,
-        f"within_{COVERAGE_OFF}": _met(abs(coverage - COVERAGE) <= COVERAGE_OFF),
+        f"within_{COVERAGE_OFF}": _met_or_missed(abs(coverage - COVERAGE) <= COVERAGE_OFF),
     }
 
 
-def simulated(tables: Mapping[str, Mapping[str, Row]]) -> dict[str, dict[str, Any]]:
+def judge_simulation(tables: Mapping[str, Mapping[str, Row]]) -> dict[str, dict[str, Any]]:
     """Aim -> measured value, the aim and whether it is met.
 
     Of the network with the least error on the random roads, and of the one that drives.
@@ -115,9 +115,10 @@ def simulated(tables: Mapping[str, Mapping[str, Row]]) -> dict[str, dict[str, An
         "departures supervised": (departures, "0", departures == 0),
     }
     return {
-        name: {"measured": value, "aim": aim, "is": _met(met)} for name, (value, aim, met) in aims.items()
+        name: {"measured": value, "aim": aim, "is": _met_or_missed(met)}
+        for name, (value, aim, met) in aims.items()
     }
 
 
-def _met(reached: bool) -> str:
+def _met_or_missed(reached: bool) -> str:
     return "met" if reached else "missed"

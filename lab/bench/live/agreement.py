@@ -34,7 +34,7 @@ Row = dict[str, Any]
 
 def bench_live(seed: int, count: int = COUNT) -> Row:
     """Shares and agreements by load, and one row for each drive."""
-    scenarios = chosen(seed, count)
+    scenarios = choose_scenarios(seed, count)
     drives: dict[str, Row] = {}
     for number, scenario in enumerate(scenarios, 1):
         (alone,) = trepid("sim", "run", scenario.name, "--seed", str(seed))
@@ -47,7 +47,7 @@ def bench_live(seed: int, count: int = COUNT) -> Row:
     return {"loads": {f"load {load}": summary(drives, load) for load in LOADS}, "drives": drives}
 
 
-def chosen(seed: int, count: int) -> list[Scenario]:
+def choose_scenarios(seed: int, count: int) -> list[Scenario]:
     """``count`` random scenarios that a live drive can simulate, among them one of every tag."""
     live = [scenario for scenario in list_scenarios() if not any(lockstep_only(scenario))]
     random.Random(seed).shuffle(live)

@@ -34,16 +34,16 @@ def bench_page_answers() -> Row:
     rows: dict[str, Row] = {}
     for load in LOADS:
         with busy(load):
-            rows[f"load {load}"] = answered()
+            rows[f"load {load}"] = measure_answers()
     return {"drives": rows}
 
 
-def answered() -> Row:
+def measure_answers() -> Row:
     """The times of one drive."""
     with tempfile.TemporaryDirectory(prefix="trepid-page-") as folder:
         program = DriveProgram(Path(folder), WORDS)
         try:
-            url, printed_s = _printed(program, Path(folder) / "stderr")
+            url, printed_s = _read_address(program, Path(folder) / "stderr")
             answer_s = _until_answer(url, printed_s)
             picture_s = _until_picture(url, printed_s)
             check_s = _check(url)
@@ -61,7 +61,7 @@ def answered() -> Row:
     }
 
 
-def _printed(program: DriveProgram, errors: Path) -> tuple[str, float]:
+def _read_address(program: DriveProgram, errors: Path) -> tuple[str, float]:
     """The address of the page, and when it was there. Raises InputError without one."""
     until_s = time.monotonic() + START_S
     while time.monotonic() < until_s and program.popen.poll() is None:

@@ -37,11 +37,11 @@ def bench_page() -> Row:
     arms: dict[str, list[Row]] = {ALONE: [], VIEWED: []}
     for _ in range(ROUNDS):
         for arm, rows in arms.items():
-            rows.append(driven(viewed=arm == VIEWED))
-    return {**compared(arms), "one drive with a browser": {"Chromium": browsed()}}
+            rows.append(drive_with_page(viewed=arm == VIEWED))
+    return {**compare_arms(arms), "one drive with a browser": {"Chromium": browse()}}
 
 
-def compared(arms: Mapping[str, Sequence[Row]]) -> Row:
+def compare_arms(arms: Mapping[str, Sequence[Row]]) -> Row:
     """A row of medians for each arm, from the rows of its drives, and the ratio of drives next to each other."""
     p99_ms = {
         arm: [row["latency_ms"]["frame_to_command"]["p99"] for row in rows] for arm, rows in arms.items()
@@ -59,7 +59,7 @@ def compared(arms: Mapping[str, Sequence[Row]]) -> Row:
     }
 
 
-def driven(*, viewed: bool) -> Row:
+def drive_with_page(*, viewed: bool) -> Row:
     """The row of one drive. Raises InputError when it does not begin."""
     with _drive() as program:
         url = page_of(program)
@@ -69,7 +69,7 @@ def driven(*, viewed: bool) -> Row:
             return program.row()
 
 
-def browsed(picture: Path | None = None) -> Row:
+def browse(picture: Path | None = None) -> Row:
     """What a browser sees of one drive; ``picture``: file for its screenshot. Raises InputError without one."""
     with _drive() as program, browser() as chromium:
         url = page_of(program)

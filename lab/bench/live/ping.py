@@ -90,7 +90,7 @@ def receive(part: Part) -> None:
     """Note arrivals until standard input closes, then print the durations [s]."""
     durations_s: dict[str, list[float]] = {name: [] for name in SIZES}
 
-    def noted(name: str) -> Any:
+    def note_arrivals(name: str) -> Any:
         arrivals: list[tuple[int, Any]] = []
 
         def put(sample: Any) -> None:
@@ -99,7 +99,7 @@ def receive(part: Part) -> None:
         return put, arrivals
 
     with open_session(connect=part.endpoint) as session:
-        kept = {name: noted(name) for name in SIZES}
+        kept = {name: note_arrivals(name) for name in SIZES}
         subscribers = [listen_to(session, f"ping/{name}", put) for name, (put, _) in kept.items()]
         time.sleep(SETTLE_S)
         for _, arrivals in kept.values():

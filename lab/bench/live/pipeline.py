@@ -49,8 +49,8 @@ def bench_pipeline(seed: int) -> Row:
     runs: dict[str, list[Row]] = {name: [] for name in arms}
     for _ in range(ROUNDS):
         for name, arm in arms.items():
-            runs[name].append(driven(scenario, arm, seed=seed))
-    table = {name: _merged(rows) for name, rows in runs.items()}
+            runs[name].append(drive_pipeline(scenario, arm, seed=seed))
+    table = {name: _merge_rounds(rows) for name, rows in runs.items()}
     return {
         "from the published frame [ms]": {name: _flat(row["latency"]) for name, row in table.items()},
         "transport, relative to bare Zenoh": {name: row["transport"] for name, row in table.items()},
@@ -77,7 +77,7 @@ def in_real_time(specs: tuple[ProcessSpec, ...]) -> tuple[ProcessSpec, ...]:
     )
 
 
-def driven(scenario: Scenario, specs: tuple[ProcessSpec, ...], *, seed: int) -> Row:
+def drive_pipeline(scenario: Scenario, specs: tuple[ProcessSpec, ...], *, seed: int) -> Row:
     """One drive with ``specs`` beside a bare ping: latencies, stages, ping, CPU."""
     offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
     clock = epoch_clock(offset_ns)
@@ -129,7 +129,7 @@ def _cpu_s(fleet: Fleet) -> dict[str, float]:
     return found
 
 
-def _merged(rows: list[Row]) -> Row:
+def _merge_rounds(rows: list[Row]) -> Row:
     """The median over the rounds of one arm."""
     latency: dict[str, Summary | None] = {}
     for stage in rows[0]["latency"]:

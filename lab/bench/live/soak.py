@@ -62,12 +62,12 @@ def bench_soak(duration: float = DURATION_S) -> Row:
         words += ["--set", "distance_m=1000000", "--set", "expect={}"]
         program = DriveProgram(Path(folder), words)
         try:
-            first, last, samples = _watched(program, duration)
+            first, last, samples = _watch(program, duration)
             row = program.row()
             left = program.pids()
         finally:
             program.close()
-        recorder = recorded(recording, first, last)
+        recorder = count_recorded(recording, first, last)
         size_mb = recording.stat().st_size / 2**20
     return {
         "status": "; ".join(row["reasons"]) or row["status"],
@@ -82,7 +82,7 @@ def bench_soak(duration: float = DURATION_S) -> Row:
     }
 
 
-def _watched(
+def _watch(
     program: DriveProgram, duration_s: float
 ) -> tuple[dict[str, Stamp], dict[str, Stamp], dict[str, list[Usage]]]:
     """First and last message of each topic, and samples of each process, over the drive."""
@@ -98,7 +98,7 @@ def _watched(
             elapsed_s := time.monotonic() - began_s
         ) < duration_s - LAST_S and program.popen.poll() is None:
             for name, pid in pids.items():
-                found = sampled(pid)
+                found = sample_usage(pid)
                 if found is not None:
                     samples.setdefault(name, []).append(found)
             bus.wait(min(duration_s / SAMPLES, max(duration_s - LAST_S - elapsed_s, 0.1)))
@@ -122,7 +122,7 @@ def _first(program: DriveProgram, bus: Bus, heard: Iterable[Latest[Any]]) -> dic
     raise InputError(f"the drive did not begin: {program.errors()}")
 
 
-def sampled(pid: int) -> Usage | None:
+def sample_usage(pid: int) -> Usage | None:
     """What the process uses now; None when it has ended."""
     folder = Path(f"/proc/{pid}")
     try:
@@ -155,7 +155,7 @@ def usage(samples: list[Usage]) -> Row:
     }
 
 
-def recorded(recording: Path, first: Mapping[str, Stamp], last: Mapping[str, Stamp]) -> dict[str, Row]:
+def count_recorded(recording: Path, first: Mapping[str, Stamp], last: Mapping[str, Stamp]) -> dict[str, Row]:
     """By topic: messages from ``first`` to ``last`` by their numbers, and how many of them the file lacks.
 
     None for a topic whose publisher was started anew.

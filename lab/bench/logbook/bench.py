@@ -20,8 +20,8 @@ from cockpit.logbook.recall import recall
 from cockpit.logbook.story import story
 from cockpit.logbook.story_text import story_text
 from cockpit.replay.rerun import rerun
-from lab.bench.logbook.crash import cut, killed
-from lab.bench.logbook.drives import KINDS, prolonged, random_recordings, recorded
+from lab.bench.logbook.crash import cut, kill_writers
+from lab.bench.logbook.drives import KINDS, prolong, random_recordings, record_run
 from sim_harness.scenarios.scenario import load_scenario
 from supervisor.rules.rule_file import LEVELS
 from trepid.config import ROOT, InputError
@@ -39,19 +39,19 @@ def bench_logbook(seed: int, count: int = COUNT) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="trepid-logbook-") as name:
         folder = Path(name)
         scenario = load_scenario("circuit", {"duration_s": str(RENDERED_S)})
-        drive = recorded(scenario, folder / "drive.mcap", seed=1)
-        raw = recorded(scenario, folder / "raw.mcap", seed=1, raw_images=True)
-        long = prolonged(drive, folder / "long.mcap", LONG_S)
+        drive = record_run(scenario, folder / "drive.mcap", seed=1)
+        raw = record_run(scenario, folder / "raw.mcap", seed=1, raw_images=True)
+        long = prolong(drive, folder / "long.mcap", LONG_S)
         return {
-            "explain": explained(folder, count, rng),
-            "open": opened(long),
-            "killed": killed(drive, folder, count, rng),
-            "cut": cut(prolonged(drive, folder / "minutes.mcap", 0.1 * LONG_S), folder, count, rng),
-            "replay": replayed(raw),
+            "explain": measure_answers(folder, count, rng),
+            "open": measure_start(long),
+            "killed": kill_writers(drive, folder, count, rng),
+            "cut": cut(prolong(drive, folder / "minutes.mcap", 0.1 * LONG_S), folder, count, rng),
+            "replay": measure_replay(raw),
         }
 
 
-def explained(folder: Path, count: int, rng: np.random.Generator) -> dict[str, Any]:
+def measure_answers(folder: Path, count: int, rng: np.random.Generator) -> dict[str, Any]:
     """Share of random moments that have an answer, and the time of one, by kind of recording.
 
     The moments of a recording that is not readable have none.
@@ -94,7 +94,7 @@ def _percent(asked: int, answered: int) -> float | None:
     return round(100.0 * answered / asked, 2) if asked else None
 
 
-def opened(path: Path) -> dict[str, Any]:
+def measure_start(path: Path) -> dict[str, Any]:
     """Times from the start of ``trepid fear explain --at`` to its end, and of its parts in this process."""
     walls_s, used_s, verbs_s = [], [], []
     head = recall(path).recorded
@@ -127,7 +127,7 @@ def _verb_s(path: Path, at_s: float) -> float:
     return lasted_s
 
 
-def replayed(path: Path) -> dict[str, Any]:
+def measure_replay(path: Path) -> dict[str, Any]:
     """Differences of a replay through all nodes, and its factors of real time, the median of REPLAYS."""
     lasted_s = []
     for _ in range(REPLAYS):

@@ -25,7 +25,7 @@ SHORTEST = 0.05  # share of a recording that a cut leaves at least
 PATIENCE_S = 60.0  # for its first message
 
 
-def killed(drive: Path, folder: Path, count: int, rng: np.random.Generator) -> dict[str, Any]:
+def kill_writers(drive: Path, folder: Path, count: int, rng: np.random.Generator) -> dict[str, Any]:
     """Figures of ``count`` processes that are killed while they write the messages of ``drive`` again and again.
 
     Of a recording that is not readable all messages are lost; the lengths are those of the others.

@@ -35,12 +35,12 @@ def random_recordings(folder: Path, count: int, rng: np.random.Generator) -> Ite
     for number in range(count):
         changes = {"sight": "truth", "duration_s": f"{rng.uniform(SHORTEST_S, LONGEST_S):.1f}"}
         scenario = load_scenario(str(rng.choice(names)), changes)
-        path = recorded(scenario, folder / f"{number}.mcap", seed=int(rng.integers(1000)))
+        path = record_run(scenario, folder / f"{number}.mcap", seed=int(rng.integers(1000)))
         kind = KINDS[number % len(KINDS)]
         yield kind, _as(kind, path, rng)
 
 
-def recorded(scenario: Scenario, path: Path, *, seed: int, raw_images: bool = False) -> Path:
+def record_run(scenario: Scenario, path: Path, *, seed: int, raw_images: bool = False) -> Path:
     """The recording of a lock-step run."""
     with recording(path, scenario, raw_images=raw_images) as witness:
         run(scenario, seed=seed, witness=witness)
@@ -65,7 +65,7 @@ def _as(kind: str, path: Path, rng: np.random.Generator) -> Path:
     return path
 
 
-def prolonged(path: Path, out: Path, duration_s: float) -> Path:
+def prolong(path: Path, out: Path, duration_s: float) -> Path:
     """A recording of ``duration_s`` that repeats the messages of ``path`` with later and later stamps."""
     held = read_recording(path)
     with Recording(out, held.files, held.notes) as file:
@@ -83,11 +83,11 @@ def endless(path: Path) -> Iterator[tuple[str, bytes, float]]:
     later_ns = 0
     while True:
         for key, data, log_ns in rows:
-            yield key, _stamped(data, later_ns), seconds(log_ns + later_ns)
+            yield key, _restamp(data, later_ns), seconds(log_ns + later_ns)
         later_ns += span_ns
 
 
-def _stamped(data: bytes, later_ns: int) -> bytes:
+def _restamp(data: bytes, later_ns: int) -> bytes:
     """The bytes of a message with a later stamp; a message without a stamp stays without one."""
     sec, nanosec = STAMP.unpack_from(data, ENCAPSULATION)
     if sec == nanosec == 0:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.bench.people.cases import BYSTANDER, CYCLIST, STEP_OUT, Encounter, built, cases
+from lab.bench.people.cases import BYSTANDER, CYCLIST, STEP_OUT, Encounter, build_scenario, cases
 from lab.bench.people.real import real_pictures
 from lab.bench.real.sets import data_folder
 from perception.lead.finder import lead_finder, lead_settings
@@ -38,7 +38,7 @@ GAPS_M = ((1.7, 2.5), (2.5, 3.5), (3.5, 4.5), (4.5, 6.0))  # of bystanders, from
 
 
 @dataclass(slots=True)
-class Seen:
+class RunView:
     """What a run shows, sample by sample."""
 
     nose_m: float  # front bumper before the rear axle
@@ -49,7 +49,7 @@ class Seen:
     last_mps: float = 0.0
     _ahead_m: float = field(default=math.inf)
 
-    def passed(self, _: Instant) -> bool:
+    def has_passed(self, _: Instant) -> bool:
         """Whether the whole car is past the road user."""
         return self._ahead_m < -self.car_m - PAST_M
 
@@ -89,7 +89,7 @@ def bench_people(
                 rows[sensor] = missing
                 continue
             drawn = cases(kind, seed, total if kind == STEP_OUT else max(total // 3, 1))
-            driven = _driven(drawn, sensor, WORK_DIR / "runs" / f"people_{seed}.jsonl", jobs=jobs)
+            driven = _drive_cases(drawn, sensor, WORK_DIR / "runs" / f"people_{seed}.jsonl", jobs=jobs)
             rows[sensor] = SCORES[kind](driven)
             if kind == BYSTANDER:
                 beside |= {f"{sensor}, {name}": row for name, row in by_distance(driven).items()}
@@ -105,7 +105,9 @@ def bench_people(
 Row = dict[str, Any]
 
 
-def _driven(drawn: list[Encounter], sensor: str, path: Path, *, jobs: int) -> list[tuple[Encounter, Row]]:
+def _drive_cases(
+    drawn: list[Encounter], sensor: str, path: Path, *, jobs: int
+) -> list[tuple[Encounter, Row]]:
     """Every case with the result of its run, which ``path`` holds."""
     named = {f"{sensor}, {case.kind} {number}": case for number, case in enumerate(drawn)}
     rows = stored_rows(path, partial(drive, sensor=sensor), named, jobs=jobs)
@@ -114,15 +116,15 @@ def _driven(drawn: list[Encounter], sensor: str, path: Path, *, jobs: int) -> li
 
 def drive(case: Encounter, *, sensor: str) -> Row:
     """The scores of one run."""
-    scenario = built(case, sight=SIGHT[sensor], lead_sensor="truth", road_user_sensor=SENSOR[sensor])
+    scenario = build_scenario(case, sight=SIGHT[sensor], lead_sensor="truth", road_user_sensor=SENSOR[sensor])
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     parts = build_parts(scenario, seed=0)
     if sensor == DETECTED:
         camera = load(CONFIG_DIR / "camera.yaml", Camera)
         parts = replace(parts, lead=lead_finder(lead_settings(DETECTOR), camera, vehicle))
     nose_m = vehicle.wheelbase_m + vehicle.front_overhang_m
-    seen = Seen(nose_m, nose_m + vehicle.rear_overhang_m)
-    result = run(scenario, seed=0, parts=parts, witness=seen.add, until=seen.passed)
+    seen = RunView(nose_m, nose_m + vehicle.rear_overhang_m)
+    result = run(scenario, seed=0, parts=parts, witness=seen.add, until=seen.has_passed)
     return {
         "collisions": result.metrics.collisions,
         "decel_mps2": result.metrics.max_decel_mps2,

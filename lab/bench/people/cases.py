@@ -50,7 +50,7 @@ def cases(kind: str, seed: int, count: int) -> list[Encounter]:
     return [drawn(rng, number) for number, rng in enumerate(rngs)]
 
 
-def built(case: Encounter, **fields: Any) -> Scenario:
+def build_scenario(case: Encounter, **fields: Any) -> Scenario:
     """The scenario of a case with further ``fields``."""
     return Scenario.model_validate({**case.scenario, **fields})
 

@@ -27,7 +27,7 @@ INSIDE = 0.2  # least share of people in a box that is right
 Corners = tuple[float, float, float, float]
 
 
-class Scored(NamedTuple):
+class ScoredPicture(NamedTuple):
     """One picture: labelled people with whether they were found, and boxes with whether they are right."""
 
     people: list[tuple[float, bool]]  # height as a share of the picture
@@ -40,7 +40,7 @@ def real_pictures(folder: Path, detector: Path, *, quick: bool = False) -> dict[
     if not pictures.is_dir():
         return {"people": f"not measured: no folder {pictures}"}
     try:
-        found = list(_scored(pictures, detector, QUICK_EVERY if quick else EVERY))
+        found = list(_score_pictures(pictures, detector, QUICK_EVERY if quick else EVERY))
     except InputError as error:
         return {"people": f"not measured: {error}"}
     people = [person for one in found for person in one.people]
@@ -56,7 +56,7 @@ def real_pictures(folder: Path, detector: Path, *, quick: bool = False) -> dict[
     }
 
 
-def _scored(pictures: Path, detector: Path, every: int) -> Iterator[Scored]:
+def _score_pictures(pictures: Path, detector: Path, every: int) -> Iterator[ScoredPicture]:
     found: BoxDetector | None = None
     for path in sorted(pictures.glob("train/*.jpg"))[::every]:
         image = read_image(path)
@@ -68,7 +68,7 @@ def _scored(pictures: Path, detector: Path, every: int) -> Iterator[Scored]:
             found = box_detector(lead_settings(detector), camera)
         sure = [box for box in with_cyclists(found.boxes(image)) if box.confidence >= SURE]
         people = [box for box in sure if box.kind in (PERSON, CYCLIST)]
-        yield scored(np.isin(label, PERSON_LABELS), [_corners(box) for box in people])
+        yield score_picture(np.isin(label, PERSON_LABELS), [_corners(box) for box in people])
 
 
 def _corners(box: Box) -> Corners:
@@ -76,7 +76,7 @@ def _corners(box: Box) -> Corners:
     return left, top, right, bottom
 
 
-def scored(people: NDArray[np.bool_], boxes: list[Corners]) -> Scored:
+def score_picture(people: NDArray[np.bool_], boxes: list[Corners]) -> ScoredPicture:
     """The boxes beside the connected areas of labelled ``people``; neighbours that touch are one area."""
     height, width = people.shape
     _, _, areas, _ = cv2.connectedComponentsWithStats(people.astype(np.uint8))
@@ -85,7 +85,7 @@ def scored(people: NDArray[np.bool_], boxes: list[Corners]) -> Scored:
         if area >= LEAST_SHARE * height * width:
             there = (left, top, left + wide, top + high)
             labelled.append((high / height, any(overlap(there, box) >= OVERLAP for box in boxes)))
-    return Scored(labelled, [_is_right(people, box) for box in boxes])
+    return ScoredPicture(labelled, [_is_right(people, box) for box in boxes])
 
 
 def overlap(one: Corners, other: Corners) -> float:

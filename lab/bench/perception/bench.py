@@ -11,11 +11,11 @@ from lab.bench.perception.drive import bench_drive
 from lab.bench.perception.report import draw, write
 from lab.bench.perception.scores import Results, parts_of, summary
 from lab.bench.perception.store import ClipStore, StoredFrames
-from lab.bench.perception.watch import Watched, watch
+from lab.bench.perception.watch import WatchedClip, watch
 from perception.estimators import estimators as all_estimators
 from perception.estimators import estimators_here, no_estimator
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint
-from sim_harness.sweep.store import Store, finished
+from sim_harness.sweep.store import Store, finish_tasks
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
@@ -58,7 +58,7 @@ def bench_perception(
     by_group: dict[str, Any] = {}
     if "set" in parts:
         cases = harness_set(seed, quick=quick, repeats=repeats)
-        results = watched(cases, names, seed, jobs=jobs, keep_frames=keep_frames)
+        results = watch_clips(cases, names, seed, jobs=jobs, keep_frames=keep_frames)
         by_group = parts_of(results, names)
         found |= summary(results, by_group)
     if "drive" in parts:
@@ -70,7 +70,7 @@ def bench_perception(
     return found
 
 
-def watched(
+def watch_clips(
     cases: Sequence[ClipCase], names: Sequence[str], seed: int, *, jobs: int = 1, keep_frames: bool = False
 ) -> Results:
     """Results of the estimators on clips; stored ones are not computed again. Raises WorkerLost."""
@@ -84,13 +84,13 @@ def watched(
             left = [name for name in names if known is None or name not in known.looks]
             if left:
                 missing[case] = (case, left)
-        with closing(finished(partial(_watch, pictures), missing, jobs)) as results:
+        with closing(finish_tasks(partial(_watch, pictures), missing, jobs)) as results:
             for case, found in results:
                 store.write(case, found)
         return {case: known for case in cases if (known := store.read(case)) is not None}
 
 
-def _watch(pictures: Path | None, wanted: tuple[ClipCase, Sequence[str]]) -> Watched:
+def _watch(pictures: Path | None, wanted: tuple[ClipCase, Sequence[str]]) -> WatchedClip:
     """Results on one clip."""
     case, names = wanted
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)

@@ -78,7 +78,7 @@ def harness_set(seed: int, *, quick: bool = False, repeats: int = 1) -> list[Cli
     else:
         clear = [ClipCase(seed, n, CLEAR, 0, *pair) for n in range(repeats) for pair in pairs]
         grades, count, gaps = GRADES, CLIPS_PER_GRADE * repeats, GAP_CLIPS * repeats
-    deck = _dealt(pairs, rng)
+    deck = _deal_pairs(pairs, rng)
     disturbed = [
         ClipCase(seed, n, kind.value, grade, *next(deck))
         for kind in DisturbanceKind
@@ -90,7 +90,7 @@ def harness_set(seed: int, *, quick: bool = False, repeats: int = 1) -> list[Cli
     return [*clear, *disturbed, *broken]
 
 
-def _dealt(
+def _deal_pairs(
     pairs: list[tuple[MarkingKind, BendShape]], rng: np.random.Generator
 ) -> Iterator[tuple[MarkingKind, BendShape]]:
     while True:

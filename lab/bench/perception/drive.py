@@ -82,14 +82,14 @@ def _drive(drive: _Drive) -> Row:
     car = real.model_copy(update={"understeer_gradient_rad_per_mps2": 0.0})  # estimates contain no understeer
     plant, referee = KinematicPlant(car), Referee(road, car, max_offset_m=MAX_OFFSET_M)
     estimator = entry_of(name).build(renderer.camera, real)
-    state = _placed(plant, road, START_M, START_OFFSET_M)
+    state = _state_at(plant, road, START_M, START_OFFSET_M)
     place = locate(road, state, START_M)
     angle_rad, blind, offsets = 0.0, 0, []
     for step in range(round(DURATION_S / STEP_S)):
         t_s = step * STEP_S
         if step % STEPS_PER_FRAME == 0:
             rate = plant.yaw_rate_radps(state)
-            frame, reported = _seen(renderer, state, rate, place.station_m, t_s)
+            frame, reported = _frame_and_state(renderer, state, rate, place.station_m, t_s)
             seen = estimator.step(frame, reported, now_s=t_s).road_wheel_angle_rad
             blind += seen is None
             angle_rad = angle_rad if seen is None else seen
@@ -97,7 +97,7 @@ def _drive(drive: _Drive) -> Row:
         state = plant.step(state, command, STEP_S)
         place = locate(road, state, place.station_m)
         if referee.must_recentre(state, place):
-            state = _placed(plant, road, place.station_m, 0.0)
+            state = _state_at(plant, road, place.station_m, 0.0)
             place, angle_rad = locate(road, state, place.station_m), state.road_wheel_angle_rad
         offsets.append(place.offset_m)
     return {
@@ -128,14 +128,14 @@ def _course(seed: int, number: int) -> tuple[Road, Renderer]:
     return road, Renderer(road, camera, seed=seed, disturbances=disturbances)
 
 
-def _placed(plant: KinematicPlant, road: Road, station_m: float, offset_m: float) -> PlantState:
+def _state_at(plant: KinematicPlant, road: Road, station_m: float, offset_m: float) -> PlantState:
     """Along the lane at the usual speed."""
     x_m, y_m = road.position(station_m, offset_m)
     curvature = road.curvature_at(station_m)
     return plant.initial(x_m, y_m, road.heading_at(station_m), SPEED_MPS, curvature)
 
 
-def _seen(
+def _frame_and_state(
     renderer: Renderer, state: PlantState, rate: float, station_m: float, t_s: float
 ) -> tuple[Frame, VehicleState]:
     """The frame at ``state``, and the state as the vehicle reports it."""

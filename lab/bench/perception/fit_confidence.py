@@ -100,7 +100,7 @@ def _right(estimate: SteeringEstimate, truth: SteeringEstimate) -> bool:
     return abs(estimate.road_wheel_angle_rad - truth.road_wheel_angle_rad) <= TOLERANCE_RAD
 
 
-def fitted(inputs: Array, right: Array) -> Array:
+def fit_weights(inputs: Array, right: Array) -> Array:
     """Weights of the logistic regression by Newton's method, with a Gaussian prior on all but the bias."""
     weights = np.zeros(inputs.shape[1])
     prior = np.diag([0.0] + [1 / RIDGE**2] * (len(weights) - 1))
@@ -122,7 +122,7 @@ def main(
     clips = (moments(case, camera, vehicle) for one in seed for case in cases(one)[::every])
     inputs, right = samples(clips, lambda: finder_for(estimator, camera, vehicle))
     print(f"# {len(right)} samples, {100 * right.mean():.1f} % right")
-    for name, weight in zip(ConfidenceSettings.model_fields, fitted(inputs, right), strict=True):
+    for name, weight in zip(ConfidenceSettings.model_fields, fit_weights(inputs, right), strict=True):
         print(f"  {name}: {weight:.2f}")
 
 

@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from lab.bench.perception.fit_confidence import fitted
+from lab.bench.perception.fit_confidence import fit_weights
 from lab.bench.perception.looks import Look, looks
 from lab.bench.real.judgement import BESIDE, within
 from lab.bench.real.look import LANE_ROWS, lane_at
@@ -118,7 +118,7 @@ def left_out(known: Samples) -> Array:
     scores = np.zeros(len(known.right))
     for family in sorted(set(known.family.tolist())):
         own = known.family == family
-        scores[own] = known.inputs[own] @ fitted(known.inputs[~own], known.right[~own].astype(float))
+        scores[own] = known.inputs[own] @ fit_weights(known.inputs[~own], known.right[~own].astype(float))
     return scores
 
 
@@ -139,7 +139,7 @@ def main(
         drawn, margin_of = as_masks(drawn), common_margin
     sections = zip(samples(drawn), WEIGHTS, ("searched", "pair"), strict=True)
     for known, section, name in sections:
-        weights, lower = fitted(known.inputs, known.right.astype(float)), margin_of(known)
+        weights, lower = fit_weights(known.inputs, known.right.astype(float)), margin_of(known)
         weights[0] -= lower
         right = 100 * known.right.mean()
         print(f"  # {len(known.right)} samples, {right:.1f} % right; bias lowered by {lower:.1f}")

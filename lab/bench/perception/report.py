@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lab.bench.perception.clips import GAP
-from lab.bench.perception.scores import TOLERANCE_RAD, Results, given, scored
-from lab.bench.text import Row, columns_of, markdown, nested, shown
+from lab.bench.perception.scores import TOLERANCE_RAD, Results, given_frames, score_clips
+from lab.bench.text import Row, columns_of, is_nested, markdown_table, value_text
 from sim_harness.world.roads.disturbances import DisturbanceKind
 from trepid.config import InputError
 
@@ -55,7 +55,7 @@ def write(folder: Path, found: Mapping[str, Any], parts: Table) -> None:
             json.dumps({**found, "figures by condition": parts}, indent=1), encoding="utf-8"
         )
         for name, table in found.items():
-            if nested(table):
+            if is_nested(table):
                 _write_table(folder / _file_name(name), table, COLUMNS if name == "ranking" else {})
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from error
@@ -69,8 +69,8 @@ def _write_table(path: Path, table: Table, titles: Mapping[str, str]) -> None:
         writer.writerow(["", *columns])
         writer.writerows([name, *map(row.get, columns)] for name, row in table.items())
     titles = titles or dict(zip(columns, columns, strict=True))
-    rows = [[name, *(shown(row.get(column)) for column in titles)] for name, row in table.items()]
-    path.with_suffix(".md").write_text(markdown(["", *titles.values()], rows) + "\n", encoding="utf-8")
+    rows = [[name, *(value_text(row.get(column)) for column in titles)] for name, row in table.items()]
+    path.with_suffix(".md").write_text(markdown_table(["", *titles.values()], rows) + "\n", encoding="utf-8")
 
 
 def _file_name(name: str) -> str:
@@ -80,13 +80,13 @@ def _file_name(name: str) -> str:
 def draw(folder: Path, results: Results, parts: Parts, ranking: Table) -> None:
     """``detected.png``, ``grades.png``, ``cost.png`` and ``confidence.png``."""
     order = list(ranking)
-    _detected(folder / "detected.png", parts, order)
+    _write_detections(folder / "detected.png", parts, order)
     _grades(folder / "grades.png", parts, order)
     _cost(folder / "cost.png", ranking)
     _confidence(folder / "confidence.png", results, order)
 
 
-def _detected(path: Path, parts: Parts, order: Sequence[str]) -> None:
+def _write_detections(path: Path, parts: Parts, order: Sequence[str]) -> None:
     """Every estimator by every condition: percent of the frames in which it gives the right lane."""
     clear = [part for part in parts[order[0]] if part.startswith("clear, ")]
     groups = [*clear, *_kinds(parts, order)]
@@ -147,8 +147,8 @@ def _confidence(path: Path, results: Results, order: Sequence[str]) -> None:
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="grey", linewidth=0.8)
     for name in _best(order):
-        looks = scored(results, name, cases)
-        looks = looks[given(looks)]
+        looks = score_clips(results, name, cases)
+        looks = looks[given_frames(looks)]
         parts = np.array_split(np.argsort(looks["confidence"], kind="stable"), BINS)
         good = np.abs(looks["angle_rad"]) <= TOLERANCE_RAD
         means = [(looks["confidence"][part].mean(), good[part].mean()) for part in parts if len(part)]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.bench.perception.clips import CLEAR, GAP, WARM_UP_FRAMES, ClipCase
-from lab.bench.perception.watch import Looks, Watched
+from lab.bench.perception.watch import Looks, WatchedClip
 from learning.lane.scores import auroc, expected_calibration_error
 from sim_harness.world.roads.drawn import UNMARKED, BendShape, MarkingKind
 from trepid.types import Mask
@@ -30,11 +30,11 @@ CLEAN = (
 SHOWN = ("all", "clear", "marked", "unmarked")
 WORST = 12
 
-Results = Mapping[ClipCase, Watched]
+Results = Mapping[ClipCase, WatchedClip]
 Row = dict[str, float | None]
 
 
-def given(looks: Looks) -> Mask:
+def given_frames(looks: Looks) -> Mask:
     """Frames with an estimate, right or wrong."""
     return np.isfinite(looks["angle_rad"]) & np.isfinite(looks["offset_m"])
 
@@ -45,7 +45,7 @@ def correct(looks: Looks) -> Mask:
         return (np.abs(looks["offset_m"]) <= TOLERANCE_M) & (np.abs(looks["aim_m"]) <= TOLERANCE_M)
 
 
-def scored(results: Results, name: str, cases: Iterable[ClipCase]) -> Looks:
+def score_clips(results: Results, name: str, cases: Iterable[ClipCase]) -> Looks:
     """Results of an estimator on the clips ``cases``, without the warm-up."""
     parts = [results[case].looks[name][WARM_UP_FRAMES:] for case in cases]
     return np.concatenate(parts) if parts else np.empty(0, results[next(iter(results))].looks[name].dtype)
@@ -53,7 +53,7 @@ def scored(results: Results, name: str, cases: Iterable[ClipCase]) -> Looks:
 
 def figures(looks: Looks) -> Row:
     """Rates in percent of the frames; errors of all estimates, and of right ones."""
-    seen = given(looks)
+    seen = given_frames(looks)
     right = seen & correct(looks)
     said = looks[seen]
     row: Row = {
@@ -111,7 +111,7 @@ def gap_figures(results: Results, name: str) -> Row:
     for case, watched in results.items():
         if case.condition == GAP:
             looks = watched.looks[name][watched.truth["in_gap"]]
-            seen = given(looks)
+            seen = given_frames(looks)
             shares.append(seen.mean())
             if seen.any():
                 drifts.append(np.abs(looks["offset_m"][seen]).max())
@@ -126,7 +126,9 @@ def one_line_figures(results: Results, name: str) -> Row:
     """Bias of the wheel angle with one line: the mean over roads of the absolute mean of a clip's error."""
     cases = [case for case in results if case.condition == CLEAR and case.kind is MarkingKind.ONE_LINE]
     clips = [
-        looks["angle_rad"][given(looks)] for case in cases if len(looks := scored(results, name, [case]))
+        looks["angle_rad"][given_frames(looks)]
+        for case in cases
+        if len(looks := score_clips(results, name, [case]))
     ]
     angles = [float(np.mean(clip)) for clip in clips if len(clip)]
     pooled = np.concatenate(clips) if clips else np.empty(0)
@@ -164,7 +166,8 @@ def parts_of(results: Results, names: Sequence[str]) -> dict[str, dict[str, Row]
     """The figures of every estimator in every group of clips."""
     parts = groups(results)
     return {
-        name: {part: figures(scored(results, name, cases)) for part, cases in parts.items()} for name in names
+        name: {part: figures(score_clips(results, name, cases)) for part, cases in parts.items()}
+        for name in names
     }
 
 
@@ -202,7 +205,7 @@ def main_figures(results: Results, name: str, parts: dict[str, Row]) -> Row:
 def worst(results: Results, name: str) -> dict[str, float]:
     """The clips with the lowest share of right frames, and that share in percent."""
     rates = {
-        case.key: 100 * float(np.mean(correct(scored(results, name, [case]))))
+        case.key: 100 * float(np.mean(correct(score_clips(results, name, [case]))))
         for case in results
         if case.condition != GAP
     }

@@ -21,7 +21,7 @@ from lab.bench.real.sets import SETS, data_folder
 from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import build
 from perception.sight.judge import build as build_judge
-from sim_harness.sweep.store import finished
+from sim_harness.sweep.store import finish_tasks
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.vehicles import Body
@@ -54,7 +54,7 @@ BESIDE = (
 )
 
 
-class Looked(NamedTuple):
+class SightSample(NamedTuple):
     """What was measured in a frame, and what was true."""
 
     seen: ImageStatistics
@@ -89,7 +89,7 @@ def cases(seed: int, *, quick: bool = False) -> list[SightCase]:
     ]
 
 
-def drive(case: SightCase) -> list[Looked]:
+def drive(case: SightCase) -> list[SightSample]:
     """The scored frames of a drive."""
     rng = np.random.default_rng([case.seed, 66, case.number, case.grade, *case.kind.encode()])
     road, start_m, speed_mps = _road(case, rng)
@@ -118,7 +118,7 @@ def drive(case: SightCase) -> list[Looked]:
         ended_s = time.thread_time()
         if number >= WARM_UP and (number - WARM_UP) % STEP == 0:
             true = truth.at(station_m, pose, vehicles)
-            found.append(Looked(seen, true, 1e3 * (judged_s - started_s), 1e3 * (ended_s - judged_s)))
+            found.append(SightSample(seen, true, 1e3 * (judged_s - started_s), 1e3 * (ended_s - judged_s)))
         lane = estimator.step(frame, state, now_s=t_s)
     return found
 
@@ -147,7 +147,7 @@ def _road(case: SightCase, rng: np.random.Generator) -> tuple[Road, float, float
         case "crest":
             return _hill(kind, rng)
         case "wall":
-            return _walled(kind, rng)
+            return _walled_road(kind, rng)
         case "truck":
             shape = BendShape.STRAIGHT if case.number % 2 else BendShape.BEND
         case _:
@@ -167,7 +167,7 @@ def _hill(kind: MarkingKind, rng: np.random.Generator) -> tuple[Road, float, flo
     return Road(settings), 120.0 + float(rng.uniform(-40.0, 0.4 * long_m)), 10.0
 
 
-def _walled(kind: MarkingKind, rng: np.random.Generator) -> tuple[Road, float, float]:
+def _walled_road(kind: MarkingKind, rng: np.random.Generator) -> tuple[Road, float, float]:
     """A bend with a wall on its inside; the drive begins before it or within it."""
     radius_m, sign = float(rng.uniform(*BEND_RADII_M)), float(rng.choice([-1.0, 1.0]))
     bend, turn_m = sign / radius_m, 1.2 * radius_m
@@ -204,12 +204,12 @@ def bench_sight(seed: int, *, jobs: int = 1, quick: bool = False, data: Path | N
     cv2.setNumThreads(1)
     reach_m = load_sight_settings().limit_m
     drives = {case: case for case in cases(seed, quick=quick)}
-    looked: dict[str, list[Looked]] = {}
-    for case, found in finished(drive, drives, jobs=jobs):
+    looked: dict[str, list[SightSample]] = {}
+    for case, found in finish_tasks(drive, drives, jobs=jobs):
         for one in found:
             beside = one.true.cause == "" and one.true.distance_m < reach_m
             looked.setdefault(BESIDE if beside else case.row, []).append(one)
-    kinds: dict[str, list[Looked]] = {}
+    kinds: dict[str, list[SightSample]] = {}
     for row, found in looked.items():
         kinds.setdefault(row if row == BESIDE else row.split()[0], []).extend(found)
     every = [one for found in looked.values() for one in found]
@@ -225,7 +225,7 @@ def bench_sight(seed: int, *, jobs: int = 1, quick: bool = False, data: Path | N
     }
 
 
-def scores(found: list[Looked]) -> dict[str, float | int | None]:
+def scores(found: list[SightSample]) -> dict[str, float | int | None]:
     """The columns of a row."""
     true_m = np.array([one.true.distance_m for one in found])
     known = [one for one in found if one.seen.sight_m is not None]

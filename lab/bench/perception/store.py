@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from lab.bench.perception.clips import ClipCase
-from lab.bench.perception.watch import LOOK, TRUTH, Watched
+from lab.bench.perception.watch import LOOK, TRUTH, WatchedClip
 from sim_harness.sweep.store import Store
 from trepid.types import Image
 
@@ -26,7 +26,7 @@ class ClipStore:
         self._store = store
         self._codes = {SHOWN: drawing} | {name: f"{drawing} {code}" for name, code in codes.items()}
 
-    def read(self, case: ClipCase) -> Watched | None:
+    def read(self, case: ClipCase) -> WatchedClip | None:
         """The stored results on a clip; None when there are none."""
         rows = {name: self._store.get(f"{case.key} {name}", code) for name, code in self._codes.items()}
         arrays = {
@@ -34,9 +34,9 @@ class ClipStore:
             for name, row in rows.items()
             if row is not None
         }
-        return Watched(arrays.pop(SHOWN), arrays) if SHOWN in arrays else None
+        return WatchedClip(arrays.pop(SHOWN), arrays) if SHOWN in arrays else None
 
-    def write(self, case: ClipCase, watched: Watched) -> None:
+    def write(self, case: ClipCase, watched: WatchedClip) -> None:
         """Append the results on a clip."""
         for name, looks in {**watched.looks, SHOWN: watched.truth}.items():
             self._store.add(f"{case.key} {name}", self._codes[name], {"frames": looks.tolist()})

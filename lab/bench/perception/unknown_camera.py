@@ -25,7 +25,7 @@ from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_
 from perception.estimators import lane_cv_settings
 from perception.lane.which_lane import WhichLane
 from sim_harness.footage.clip import read_log
-from sim_harness.sweep.store import finished
+from sim_harness.sweep.store import finish_tasks
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.drawn import MarkingKind, random_section
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
@@ -114,7 +114,7 @@ def _winding(speed_mps: float, rng: np.random.Generator) -> tuple[Segment, ...]:
     return tuple(segments)
 
 
-class Seen(NamedTuple):
+class BeliefError(NamedTuple):
     """The belief of an estimator at a time, against the truth."""
 
     height: float  # ln of the ratio to the true one
@@ -124,23 +124,23 @@ class Seen(NamedTuple):
     yaw_rad: float
 
 
-class Watched(NamedTuple):
+class WatchedDrive(NamedTuple):
     """One drive with one kind of odometry."""
 
     odometry: StateOdometry
-    seen: tuple[Seen, ...]  # at JUDGED_S
+    seen: tuple[BeliefError, ...]  # at JUDGED_S
     confidence: float  # mean over the second half
     width_error_m: float | None  # median over the second half
 
 
-def watch(case: tuple[int, int]) -> list[Watched]:
+def watch(case: tuple[int, int]) -> list[WatchedDrive]:
     """The drive of a seed and a number, with every kind of odometry."""
     drive = unknown_drive(*case)
     moments = list(drive.moments())
-    return [_watched(drive, moments, odometry) for odometry in StateOdometry]
+    return [_watch_drive(drive, moments, odometry) for odometry in StateOdometry]
 
 
-def _watched(drive: UnknownDrive, moments: list[OdometryFrame], odometry: StateOdometry) -> Watched:
+def _watch_drive(drive: UnknownDrive, moments: list[OdometryFrame], odometry: StateOdometry) -> WatchedDrive:
     settings, vehicle = lane_cv_settings(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     assumed = calibrate_by_images([moments[0].image], settings.self_calibration)
     finder, seen, late = WhichLane(settings, assumed, vehicle, odometry), [], []
@@ -154,12 +154,12 @@ def _watched(drive: UnknownDrive, moments: list[OdometryFrame], odometry: StateO
         )
         estimate = finder.step(Frame(t_s=t_s, image=image), state, now_s=t_s)
         if any(math.isclose(t_s, at_s) for at_s in JUDGED_S):
-            seen.append(_seen(drive.camera, finder))
+            seen.append(_belief_error(drive.camera, finder))
         if t_s > DURATION_S / 2:
             late.append(estimate)
     widths = [one.lane_width_m for one in late if one.lane_width_m is not None]
     true_m = drive.course.road.settings.lane_width_m
-    return Watched(
+    return WatchedDrive(
         odometry,
         tuple(seen),
         float(np.mean([one.confidence for one in late])),
@@ -167,9 +167,9 @@ def _watched(drive: UnknownDrive, moments: list[OdometryFrame], odometry: StateO
     )
 
 
-def _seen(true: Camera, finder: WhichLane) -> Seen:
+def _belief_error(true: Camera, finder: WhichLane) -> BeliefError:
     belief, camera = finder.belief, finder.camera
-    return Seen(
+    return BeliefError(
         height=math.log(belief.height_m / true.height_m),
         height_sigma=belief.height_sigma,
         focal=math.log(belief.focal_px / true.fx_px),
@@ -181,7 +181,7 @@ def _seen(true: Camera, finder: WhichLane) -> Seen:
 def bench_unknown_camera(seed: int, *, jobs: int = 1, data: Path | None = None) -> dict[str, Any]:
     """How near the camera is to the true one after seconds of driving, by the odometry that is known."""
     cases = {(seed, number): (seed, number) for number in range(DRIVES)}
-    with closing(finished(watch, cases, jobs)) as results:
+    with closing(finish_tasks(watch, cases, jobs)) as results:
         drives = [one for _, found in results for one in found]
     rows = {odometry.value: [one for one in drives if one.odometry is odometry] for odometry in StateOdometry}
     tables: dict[str, Any] = {"odometry": {name: _scores(found) for name, found in rows.items()}}
@@ -191,7 +191,7 @@ def bench_unknown_camera(seed: int, *, jobs: int = 1, data: Path | None = None) 
     return tables
 
 
-def _scores(drives: list[Watched]) -> dict[str, float | None]:
+def _scores(drives: list[WatchedDrive]) -> dict[str, float | None]:
     height = np.array([[one.height for one in drive.seen] for drive in drives])
     end = [drive.seen[-1] for drive in drives]
     sigma = np.array([one.height_sigma for one in end])

@@ -41,14 +41,14 @@ Looks = NDArray[np.void]
 
 
 @dataclass(frozen=True)
-class Watched:
+class WatchedClip:
     """A clip: the truth, frame by frame, and the results of each estimator."""
 
     truth: Looks  # (n,) of TRUTH
     looks: Mapping[str, Looks]  # (n,) of LOOK each
 
 
-def watch(clip: Iterable[ClipFrame], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
+def watch(clip: Iterable[ClipFrame], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> WatchedClip:
     """Fresh estimators on the frames of a clip; their order changes from frame to frame."""
     cv2.setNumThreads(1)
     runners = {name: entry_of(name).build(camera, vehicle) for name in names}
@@ -74,7 +74,7 @@ def watch(clip: Iterable[ClipFrame], names: Sequence[str], camera: Camera, vehic
             time_s = time.thread_time() - started_s
             looks[name].append((*look(estimate, moment.truth, road), time_s, bare_s))
     arrays = {name: np.array(rows, LOOK) for name, rows in looks.items()}
-    return Watched(np.array(truth, TRUTH), arrays)
+    return WatchedClip(np.array(truth, TRUTH), arrays)
 
 
 def look(estimate: SteeringEstimate, truth: SteeringEstimate, road: "_TrueRoad") -> tuple[float, ...]:

@@ -42,7 +42,7 @@ def overlap(mask: Mask, labels: Mask, known: Mask) -> Array:
     return np.asarray(both.sum(axis=(1, 2)) / np.maximum(either.sum(axis=(1, 2)), 1))
 
 
-def fitted(others: Sequence[Row]) -> Mask | None:
+def fit_trapezoid(others: Sequence[Row]) -> Mask | None:
     """The trapezoid with the greatest mean IoU with labels of other sequences; None without any.
 
     Differential evolution (Storn and Price 1997), with a fixed seed.

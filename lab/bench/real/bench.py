@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lab.bench.real.baselines import fitted
-from lab.bench.real.ego_lane import fixed
+from lab.bench.real.baselines import fit_trapezoid
+from lab.bench.real.ego_lane import fixed_lane
 from lab.bench.real.judgement import judgements
 from lab.bench.real.labels import SURFACES
-from lab.bench.real.look import NAMES, Row, answers, looked
+from lab.bench.real.look import NAMES, Row, answers, look_at_frames
 from lab.bench.real.scores import figures, wrong
 from lab.bench.real.sets import SETS, data_folder
 from lab.bench.real.sheets import evenly, reliability, sheet, worst
@@ -93,7 +93,7 @@ def _rows(set_name: str, name: str, folder: Path, store: Store, out: Path, *, ev
     stored = store.get(case, code)
     if stored is None or not tiles.is_dir():
         shutil.rmtree(tiles, ignore_errors=True)
-        stored = {"frames": list(looked(SETS[set_name][name], folder, every, tiles, says=case))}
+        stored = {"frames": list(look_at_frames(SETS[set_name][name], folder, every, tiles, says=case))}
         store.add(case, code, stored)
     return list(stored["frames"])
 
@@ -129,9 +129,9 @@ def _table(found: Rows, names: Sequence[str]) -> dict[str, Any]:
         others = [
             row for key, other in found.items() if key[0] == set_name and key[1] != name for row in other
         ]
-        trapezoid = fitted(others) if labels in SURFACES else None
+        trapezoid = fit_trapezoid(others) if labels in SURFACES else None
         own = judged.get(set_name, {})
-        lane = fixed((row["file"] for row in others), own)
+        lane = fixed_lane((row["file"] for row in others), own)
         table.setdefault(set_name, {})[name] = {
             one: figures(rows, one, labels, trapezoid=trapezoid, judged=own, other_lane=lane) for one in names
         }

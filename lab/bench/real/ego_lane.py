@@ -13,14 +13,14 @@ from lab.bench.real.judgement import LANE, Judgements
 from trepid.types import Array
 
 
-def drawn(files: Iterable[str], judged: Judgements) -> dict[str, Array]:
+def lanes_of_files(files: Iterable[str], judged: Judgements) -> dict[str, Array]:
     """File -> lane of the car in it, shape (2, rows)."""
     return {file: one.lane for file in files for one in judged.get(file, ()) if one.judgement == LANE}
 
 
-def fixed(files: Iterable[str], judged: Judgements) -> Array | None:
+def fixed_lane(files: Iterable[str], judged: Judgements) -> Array | None:
     """The median of the lanes drawn in ``files``, row by row; None without any."""
-    lanes = list(drawn(files, judged).values())
+    lanes = list(lanes_of_files(files, judged).values())
     return np.asarray(np.median(lanes, axis=0)) if lanes else None
 
 
@@ -37,7 +37,7 @@ def figures(
     rows: Sequence[dict[str, Any]], name: str, judged: Judgements, other: Array | None
 ) -> dict[str, float | int | None]:
     """Number of frames with a drawn lane, mean overlap of the answers, and that of the lane ``other``."""
-    lanes = drawn((row["file"] for row in rows), judged)
+    lanes = lanes_of_files((row["file"] for row in rows), judged)
     found = {row["file"]: np.array(row["estimates"][name]["lane"], float) for row in rows}
     mine = [overlap(found[file], true) for file, true in lanes.items()]
     base = [overlap(other, true) for true in lanes.values()] if other is not None else []

@@ -102,7 +102,7 @@ def video(path: Path, *, every: int = 1) -> Iterator[Picture]:
 
 
 @dataclass(frozen=True)
-class _Logged:
+class _LoggedFrame:
     """A frame of a drive, and what its log says."""
 
     image: Path
@@ -117,7 +117,7 @@ def udacity_drive(folder: Path, *, every: int = 1, parts: Stretches = STRETCHES)
     with (folder / "driving_log.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.reader(file) if row]
     logged = [
-        _Logged(
+        _LoggedFrame(
             folder / "IMG" / Path(row[0]).name,
             number / 10,  # about ten frames a second
             -float(row[3]),
@@ -134,7 +134,7 @@ def donkey_drive(folder: Path, *, every: int = 1, parts: Stretches = STRETCHES) 
     rows = [json.loads(line) for catalog in catalogs for line in catalog.splitlines()]
     rows.sort(key=lambda row: row["_index"])
     logged = [
-        _Logged(
+        _LoggedFrame(
             folder / "images" / row["cam/image_array"], row["_timestamp_ms"] / 1000, -float(row["user/angle"])
         )
         for row in rows
@@ -146,14 +146,14 @@ def cart_drive(folder: Path, *, every: int = 1, parts: Stretches = STRETCHES) ->
     """Stretches of a cart's drive whose driving_log.csv names image, timestamp_ms and user_angle."""
     with (folder / "driving_log.csv").open(encoding="utf-8") as file:
         logged = [
-            _Logged(folder / row["image"], float(row["timestamp_ms"]) / 1000, -float(row["user_angle"]))
+            _LoggedFrame(folder / row["image"], float(row["timestamp_ms"]) / 1000, -float(row["user_angle"]))
             for row in csv.DictReader(file)
         ]
     return _stretches("cart", logged, every, parts)
 
 
 def _stretches(
-    name: str, rows: Sequence[_Logged], every: int, parts: Stretches, camera: Camera | None = None
+    name: str, rows: Sequence[_LoggedFrame], every: int, parts: Stretches, camera: Camera | None = None
 ) -> Iterator[Picture]:
     """``parts`` of a drive, every n-th of them; without ``camera`` calibrated on frames of the drive."""
     known = camera

@@ -37,20 +37,20 @@ BESIDE = 0.25  # a cycle lane or half a pavement more is wrong
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedLane:
     """A lane and the verdict on it."""
 
     judgement: str
     lane: Array  # (2, rows); NaN where it has no boundary
 
 
-Judgements = Mapping[str, Sequence[Judged]]
+Judgements = Mapping[str, Sequence[JudgedLane]]
 """File -> what was judged in it, of one set."""
 
 
-def judgements(path: Path = FILE) -> dict[str, dict[str, list[Judged]]]:
+def judgements(path: Path = FILE) -> dict[str, dict[str, list[JudgedLane]]]:
     """Set -> file -> judged lanes. Raises InputError with the line of the first bad row."""
-    found: dict[str, dict[str, list[Judged]]] = {}
+    found: dict[str, dict[str, list[JudgedLane]]] = {}
     with path.open(encoding="utf-8", newline="") as file:
         reader = csv.DictReader(file)
         if reader.fieldnames != COLUMNS:
@@ -64,7 +64,7 @@ def judgements(path: Path = FILE) -> dict[str, dict[str, list[Judged]]]:
                 lane = np.array([float(row[name] or "nan") for name in PLACES]).reshape(2, -1)
             except (TypeError, ValueError) as error:
                 raise InputError(f"{path}:{line}:1: expected numbers in {', '.join(PLACES)}") from error
-            one = Judged(row["judgement"], lane)
+            one = JudgedLane(row["judgement"], lane)
             found.setdefault(row["set"], {}).setdefault(row["file"], []).append(one)
     return found
 
@@ -79,7 +79,7 @@ def verdicts(rows: Sequence[dict[str, Any]], name: str, judged: Judgements) -> l
     ]
 
 
-def _verdict(answer: Mapping[str, Any], judged: Sequence[Judged]) -> bool | None:
+def _verdict(answer: Mapping[str, Any], judged: Sequence[JudgedLane]) -> bool | None:
     lane = np.array(answer["lane"], float)
     near = {one.judgement for one in judged if within(lane, one.lane, SAME)}
     for verdict in (RIGHT, WRONG):

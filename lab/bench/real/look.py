@@ -14,7 +14,7 @@ from lab.bench.real.labels import SURFACES, Labels, Truth, border_error_px, colu
 from perception.estimators import ESTIMATORS
 from perception.images.outline import with_boundaries
 from sim_harness.footage.fear_picture import with_lanes
-from sim_harness.footage.onlooker import Given, Onlooked, Onlooker
+from sim_harness.footage.onlooker import FrameJudgement, GivenSpeed, Onlooker
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
@@ -30,12 +30,14 @@ TILE_WIDTH_PX = 400
 Row = dict[str, Any]
 
 
-def looked(sequence: sets.Sequence, folder: Path, every: int, tiles: Path, *, says: str) -> Iterator[Row]:
+def look_at_frames(
+    sequence: sets.Sequence, folder: Path, every: int, tiles: Path, *, says: str
+) -> Iterator[Row]:
     """A row of each frame; the frame with both lanes goes to ``tiles`` as NUMBER.jpg."""
     cv2.setNumThreads(1)
     tiles.mkdir(parents=True, exist_ok=True)
     drive = None
-    for number, picture in enumerate(_said(sequence.pictures(folder, every), says)):
+    for number, picture in enumerate(_report_progress(sequence.pictures(folder, every), says)):
         if picture.drive != drive:
             drive, onlooker = picture.drive, _onlooker(picture, sequence)
         seen = onlooker.step(Frame(t_s=picture.t_s, image=picture.image))
@@ -49,7 +51,7 @@ def answers(
     """What the estimators ``names`` answer in each frame, without a supervisor."""
     cv2.setNumThreads(1)
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    for picture, found in estimates(_said(sequence.pictures(folder, every), says), names):
+    for picture, found in estimates(_report_progress(sequence.pictures(folder, every), says), names):
         truth = _truth(picture, sequence.labels)
         yield {
             name: _answer(with_boundaries(one, picture.camera, vehicle), picture, sequence.labels, truth)
@@ -57,7 +59,7 @@ def answers(
         }
 
 
-def _said(pictures: Iterator[Picture], case: str) -> Iterator[Picture]:
+def _report_progress(pictures: Iterator[Picture], case: str) -> Iterator[Picture]:
     """``pictures``, with the progress on stderr."""
     said_s = time.monotonic()
     for number, picture in enumerate(pictures, start=1):
@@ -72,18 +74,18 @@ def _onlooker(picture: Picture, sequence: sets.Sequence) -> Onlooker:
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps
     speed_mps = picture.speed_mps or sequence.speed_mps or cruise_mps
-    state_of = Given(picture.camera, vehicle, lambda _: speed_mps)
+    state_of = GivenSpeed(picture.camera, vehicle, lambda _: speed_mps)
     return Onlooker(
         picture.camera, vehicle, state_of, cruise_speed_mps=speed_mps, names=NAMES, assumed=picture.assumed
     )
 
 
-def _row(picture: Picture, seen: Onlooked, labels: Labels) -> Row:
+def _row(picture: Picture, seen: FrameJudgement, labels: Labels) -> Row:
     decision, truth = seen.decision, _truth(picture, labels)
     row: Row = {"file": picture.file, "drive": picture.drive, "t_s": picture.t_s}
     row |= {"fear": decision.fear, "cause": decision.cause, "steering_rad": picture.steering_rad}
     if truth is not None:
-        row |= {"label": packed(truth[0]), "known": packed(truth[1])}
+        row |= {"label": pack_mask(truth[0]), "known": pack_mask(truth[1])}
     row["estimates"] = {
         name: _answer(found, picture, labels, truth) for name, found in seen.estimates.items()
     }
@@ -116,7 +118,7 @@ def _answer(found: SteeringEstimate, picture: Picture, labels: Labels, truth: Tr
     }
 
 
-def packed(mask: Mask) -> str:
+def pack_mask(mask: Mask) -> str:
     """A mask on the grid of a row, as hexadecimal digits."""
     small = cv2.resize(mask.astype(np.uint8), GRID_PX, interpolation=cv2.INTER_NEAREST)
     return np.packbits(small.astype(bool)).tobytes().hex()
@@ -135,7 +137,7 @@ def lane_mask(found: SteeringEstimate, height: int, width: int) -> Mask:
         return np.asarray((at >= np.floor(left)[:, None]) & (at <= right[:, None]))
 
 
-def _tile(image: Image, seen: Onlooked) -> Image:
+def _tile(image: Image, seen: FrameJudgement) -> Image:
     canvas = with_lanes(image, seen)
     height = round(canvas.shape[0] * TILE_WIDTH_PX / canvas.shape[1])
     return cv2.resize(canvas, (TILE_WIDTH_PX, height), interpolation=cv2.INTER_AREA).astype(np.uint8)

@@ -88,7 +88,7 @@ def figures(
     found["lane_width_m"] = _median(widths)
     if len(widths):
         found["lane_width_iqr_m"] = float(np.subtract(*np.percentile(widths, (75, 25))))
-    return found | _judged(rows, name, sure, judged) | ego_lane.figures(rows, name, judged, other_lane)
+    return found | _judge_rows(rows, name, sure, judged) | ego_lane.figures(rows, name, judged, other_lane)
 
 
 def wrong(rows: Sequence[Row], name: str) -> Mask:
@@ -163,7 +163,7 @@ def _correlation(one: Array, other: Array) -> float | None:
     return float(np.corrcoef(one[both], other[both])[0, 1]) if moving else None
 
 
-def _judged(rows: Sequence[Row], name: str, sure: Mask, judged: Judgements) -> Figures:
+def _judge_rows(rows: Sequence[Row], name: str, sure: Mask, judged: Judgements) -> Figures:
     found = verdicts(rows, name, judged)
     known = np.array([verdict is not None for verdict in found], bool)
     right = np.array([bool(verdict) for verdict in found], bool)

@@ -94,7 +94,9 @@ def summary(rows: list[Row]) -> dict[str, Any]:
             "greatest_fall": round(max(drops, default=0.0), 3),
             "falls_of_p95": len(worst),
             "right_cause_percent": _percent(right[name], named[name]),
-            "wrong_causes": ", ".join(f"{c} {_percent(n, named[name]):.0f} %" for c, n in _sorted(wrong))
+            "wrong_causes": ", ".join(
+                f"{c} {_percent(n, named[name]):.0f} %" for c, n in _sort_by_count(wrong)
+            )
             or None,
         }
     return {
@@ -148,7 +150,7 @@ def _percent(part: int, whole: int) -> float | None:
     return round(100 * part / whole, 1) if whole else None
 
 
-def _sorted(counts: Mapping[str, int]) -> list[tuple[str, int]]:
+def _sort_by_count(counts: Mapping[str, int]) -> list[tuple[str, int]]:
     return sorted(counts.items(), key=lambda item: -item[1])
 
 

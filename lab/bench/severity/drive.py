@@ -60,7 +60,7 @@ class StressedDrive(NamedTuple):
         return f"{self.stress} {self.grade} {self.road} {self.speed_mps:g} {self.seed}"
 
 
-class Remembered:
+class RememberedEstimator:
     """An estimator whose estimates of one drive are used again in the next one.
 
     On rails the images of two drives are equal, bit for bit, if only what follows perception differs.
@@ -159,7 +159,7 @@ def parts_of(task: StressedDrive, scenario: Scenario) -> tuple[Parts, Oracle]:
         pictures: Any = RecallingRenderer(parts.camera.renderer, memory["images"])
         parts.camera.renderer = pictures
     if stress.behind_perception:
-        estimators = {name: Remembered(e, memory[name]) for name, e in parts.estimators.items()}
+        estimators = {name: RememberedEstimator(e, memory[name]) for name, e in parts.estimators.items()}
         parts = replace(parts, estimators=estimators, lead=None)  # no vehicle is ahead
     return parts, Oracle("truth", parts.vehicle.road, parts.vehicle.nominal)
 

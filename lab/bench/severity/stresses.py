@@ -39,7 +39,7 @@ MISMEASURED = frozenset({Cause.DISAGREEMENT, Cause.JITTER, Cause.LANE_WIDTH})
 HARD_ROAD = SIGHT | MISMEASURED | {Cause.SINGLE_SOURCE, Cause.WEAK_EDGES, Cause.ODD_ROAD}
 
 
-def _disturbed(kind: DisturbanceKind, *causes: Cause, hard: bool = False) -> Stress:
+def _disturbance_stress(kind: DisturbanceKind, *causes: Cause, hard: bool = False) -> Stress:
     def changes(grade: int, station_m: float) -> Mapping[str, Any]:
         to_m = station_m if kind is DisturbanceKind.TUNNEL_EXIT else None
         return {"disturbances": [Disturbance(kind=kind, grade=grade, to_m=to_m)]}
@@ -52,7 +52,7 @@ def _faulty(faults: Callable[[int], list[Fault]], *causes: Cause, behind: bool =
     return Stress(frozenset(causes), lambda grade, _: {"faults": faults(grade)}, behind_perception=behind)
 
 
-def _falsified(faults: Callable[[int], list[Fault]], *causes: Cause) -> Stress:
+def _fault_stress(faults: Callable[[int], list[Fault]], *causes: Cause) -> Stress:
     """Faults of the estimates after they are made."""
     return _faulty(faults, *causes, behind=True)
 
@@ -69,7 +69,7 @@ def _lost(process: str) -> Callable[[int], list[Fault]]:
     return lambda grade: _spans(LostProcess, grade / 10, kind="lost_process", process=process)
 
 
-def _biased(*estimators: str, **each_grade: float) -> Callable[[int], list[Fault]]:
+def _bias_faults(*estimators: str, **each_grade: float) -> Callable[[int], list[Fault]]:
     def faults(grade: int) -> list[Fault]:
         fields = {name: grade * value for name, value in each_grade.items()}
         return [EstimatorBias(kind="estimator_bias", from_s=0.0, estimator=e, **fields) for e in estimators]
@@ -93,7 +93,7 @@ def _blind(*estimators: str) -> Callable[[int], list[Fault]]:
     ]
 
 
-def _mismeasured(quantity: Quantity, each_grade: float) -> Stress:
+def _measurement_stress(quantity: Quantity, each_grade: float) -> Stress:
     """A measurement of the car that is off by ``each_grade`` [SI] from the start of the run on."""
     return _faulty(
         lambda grade: [
@@ -115,25 +115,27 @@ def _nothing(grade: int, station_m: float) -> Mapping[str, Any]:
 
 _KIND = DisturbanceKind
 STRESSES: dict[str, Stress] = {
-    "night": _disturbed(_KIND.NIGHT, Cause.DARK),
-    "low_sun": _disturbed(_KIND.LOW_SUN, Cause.OVER_EXPOSED, Cause.DARK, hard=True),
-    "glare": _disturbed(_KIND.GLARE, Cause.OVER_EXPOSED, hard=True),
-    "over_exposure": _disturbed(_KIND.OVER_EXPOSURE, Cause.OVER_EXPOSED),
-    "tunnel_exit": _disturbed(_KIND.TUNNEL_EXIT, Cause.OVER_EXPOSED, Cause.DARK),
-    "tree_shadows": _disturbed(_KIND.TREE_SHADOWS, Cause.DARK, hard=True),
-    "building_shadows": _disturbed(_KIND.BUILDING_SHADOWS, Cause.DARK, hard=True),
-    "bridge_shadows": _disturbed(_KIND.BRIDGE_SHADOWS, Cause.DARK, hard=True),
-    "rain": _disturbed(_KIND.RAIN, Cause.FOG, Cause.DIRTY_LENS, hard=True),
-    "wet_road": _disturbed(_KIND.WET_ROAD, Cause.OVER_EXPOSED, hard=True),
-    "snow": _disturbed(_KIND.SNOW, Cause.FOG, Cause.UNMARKED, hard=True),
-    "fog": _disturbed(_KIND.FOG, Cause.FOG),
-    "dirt": _disturbed(_KIND.DIRT, Cause.DIRTY_LENS),
-    "motion_blur": _disturbed(_KIND.MOTION_BLUR, Cause.BLURRED, hard=True),
-    "rolling_shutter": _disturbed(_KIND.ROLLING_SHUTTER, hard=True),
-    "noise": _disturbed(_KIND.NOISE, Cause.DARK, hard=True),
-    "jpeg": _disturbed(_KIND.JPEG, Cause.BLURRED, hard=True),
+    "night": _disturbance_stress(_KIND.NIGHT, Cause.DARK),
+    "low_sun": _disturbance_stress(_KIND.LOW_SUN, Cause.OVER_EXPOSED, Cause.DARK, hard=True),
+    "glare": _disturbance_stress(_KIND.GLARE, Cause.OVER_EXPOSED, hard=True),
+    "over_exposure": _disturbance_stress(_KIND.OVER_EXPOSURE, Cause.OVER_EXPOSED),
+    "tunnel_exit": _disturbance_stress(_KIND.TUNNEL_EXIT, Cause.OVER_EXPOSED, Cause.DARK),
+    "tree_shadows": _disturbance_stress(_KIND.TREE_SHADOWS, Cause.DARK, hard=True),
+    "building_shadows": _disturbance_stress(_KIND.BUILDING_SHADOWS, Cause.DARK, hard=True),
+    "bridge_shadows": _disturbance_stress(_KIND.BRIDGE_SHADOWS, Cause.DARK, hard=True),
+    "rain": _disturbance_stress(_KIND.RAIN, Cause.FOG, Cause.DIRTY_LENS, hard=True),
+    "wet_road": _disturbance_stress(_KIND.WET_ROAD, Cause.OVER_EXPOSED, hard=True),
+    "snow": _disturbance_stress(_KIND.SNOW, Cause.FOG, Cause.UNMARKED, hard=True),
+    "fog": _disturbance_stress(_KIND.FOG, Cause.FOG),
+    "dirt": _disturbance_stress(_KIND.DIRT, Cause.DIRTY_LENS),
+    "motion_blur": _disturbance_stress(_KIND.MOTION_BLUR, Cause.BLURRED, hard=True),
+    "rolling_shutter": _disturbance_stress(_KIND.ROLLING_SHUTTER, hard=True),
+    "noise": _disturbance_stress(_KIND.NOISE, Cause.DARK, hard=True),
+    "jpeg": _disturbance_stress(_KIND.JPEG, Cause.BLURRED, hard=True),
     # vehicles that stand over the line are vehicles ahead, too
-    "occlusion": _disturbed(_KIND.OCCLUSION, Cause.OCCLUDED, Cause.NARROW, Cause.LEAD_CLOSE, hard=True),
+    "occlusion": _disturbance_stress(
+        _KIND.OCCLUSION, Cause.OCCLUDED, Cause.NARROW, Cause.LEAD_CLOSE, hard=True
+    ),
     "late frames": _faulty(
         lambda grade: [LateFrames(kind="late_frames", from_s=0.0, delay_s=0.05 * grade)], Cause.STALE_DATA
     ),
@@ -146,16 +148,16 @@ STRESSES: dict[str, Stress] = {
     ),
     "cv silent": _faulty(_lost("cv"), Cause.LOST_ESTIMATOR),
     "cnn silent": _faulty(_lost("cnn"), Cause.LOST_ESTIMATOR),
-    "cv aside": _falsified(_biased("cv", lateral_m=0.2), Cause.DISAGREEMENT),
-    "cnn aside": _falsified(_biased("cnn", lateral_m=0.2), Cause.DISAGREEMENT),
-    "both aside": _falsified(_biased("cv", "cnn", lateral_m=0.25), Cause.OFF_CENTRE),
-    "cv turned": _falsified(_biased("cv", heading_rad=0.03), Cause.DISAGREEMENT),
-    "cv bent": _falsified(_biased("cv", curvature_1pm=0.006), Cause.DISAGREEMENT),
-    "cnn bent": _falsified(_biased("cnn", curvature_1pm=0.006), Cause.DISAGREEMENT),
-    "cv unsure": _falsified(_unsure("cv"), *SIGHT, Cause.SINGLE_SOURCE),
-    "both unsure": _falsified(_unsure("cv", "cnn"), *SIGHT),
-    "cv blind": _falsified(_blind("cv"), *SIGHT, Cause.SINGLE_SOURCE, Cause.JITTER),
-    "both blind": _falsified(_blind("cv", "cnn"), *SIGHT, Cause.JITTER),
+    "cv aside": _fault_stress(_bias_faults("cv", lateral_m=0.2), Cause.DISAGREEMENT),
+    "cnn aside": _fault_stress(_bias_faults("cnn", lateral_m=0.2), Cause.DISAGREEMENT),
+    "both aside": _fault_stress(_bias_faults("cv", "cnn", lateral_m=0.25), Cause.OFF_CENTRE),
+    "cv turned": _fault_stress(_bias_faults("cv", heading_rad=0.03), Cause.DISAGREEMENT),
+    "cv bent": _fault_stress(_bias_faults("cv", curvature_1pm=0.006), Cause.DISAGREEMENT),
+    "cnn bent": _fault_stress(_bias_faults("cnn", curvature_1pm=0.006), Cause.DISAGREEMENT),
+    "cv unsure": _fault_stress(_unsure("cv"), *SIGHT, Cause.SINGLE_SOURCE),
+    "both unsure": _fault_stress(_unsure("cv", "cnn"), *SIGHT),
+    "cv blind": _fault_stress(_blind("cv"), *SIGHT, Cause.SINGLE_SOURCE, Cause.JITTER),
+    "both blind": _fault_stress(_blind("cv", "cnn"), *SIGHT, Cause.JITTER),
     "old state": Stress(
         frozenset({Cause.VEHICLE_STATE_LOST}), _nothing, state_delay_s=0.04, behind_perception=True
     ),
@@ -164,9 +166,9 @@ STRESSES: dict[str, Stress] = {
         lambda *_: {},
         yaw_bias_radps=0.1,
     ),
-    "wrong speed": _mismeasured("speed", 1.0),
-    "wrong wheel angle": _mismeasured("wheel_angle", 0.02),
-    "wrong yaw rate": _mismeasured("yaw_rate", 0.05),
+    "wrong speed": _measurement_stress("speed", 1.0),
+    "wrong wheel angle": _measurement_stress("wheel_angle", 0.02),
+    "wrong yaw rate": _measurement_stress("yaw_rate", 0.05),
 }
 """Name -> the stress. The names of the world's disturbances are those of :class:`DisturbanceKind`."""
 NOTHING = "nothing"

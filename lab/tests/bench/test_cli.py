@@ -7,9 +7,9 @@ import pytest
 
 import sim_harness.lockstep.closed_loop
 from lab.bench import cli
-from lab.bench.catalogue import BENCHMARKS, BY_DEFAULT, function, named
+from lab.bench.catalogue import BENCHMARKS, BY_DEFAULT, function, names_of
 from lab.bench.cli import bench, taken_options
-from lab.bench.frames import summary_ms, timed
+from lab.bench.frames import summary_ms, time_call
 from lab.bench.results import machine
 from trepid.config import CONFIG_DIR, InputError
 
@@ -27,7 +27,7 @@ def test_the_summary_is_the_median_and_the_99th_percentile_in_milliseconds() -> 
 
 def test_a_timed_call_gets_its_arguments() -> None:
     calls = []
-    assert timed(lambda *values, key: calls.append((values, key)), 1, 2, key=3) >= 0
+    assert time_call(lambda *values, key: calls.append((values, key)), 1, 2, key=3) >= 0
     assert calls == [((1, 2), 3)]
 
 
@@ -61,9 +61,9 @@ def unmeasured(seed: int) -> dict[str, object]:
 
 
 def test_a_group_stands_for_its_members_without_those_of_half_an_hour() -> None:
-    assert "control-mpc" in named("control")
-    assert "control-limits" not in named("control")
-    assert named("plants") == ["plants"]
+    assert "control-mpc" in names_of("control")
+    assert "control-limits" not in names_of("control")
+    assert names_of("plants") == ["plants"]
 
 
 def test_an_unknown_benchmark_is_refused_with_the_known_names() -> None:

@@ -9,7 +9,7 @@ from sim_harness.scenarios.scenario import load_scenario
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
     """Half a second of the circuit, without rendering: the test is of the bookkeeping."""
-    lap = load_scenario("circuit", {"sight": "truth"}).shortened(0.5)
+    lap = load_scenario("circuit", {"sight": "truth"}).shorten(0.5)
     monkeypatch.setattr(bench, "load_scenario", lambda name, changes: lap)
 
 

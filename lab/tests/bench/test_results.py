@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from lab.bench.readme import BEGIN, END, ROWS, table, write_table
-from lab.bench.results import page, save, section, stored
+from lab.bench.results import page, save, section, stored_results
 from trepid.config import ROOT, InputError
 
 RESULTS = ROOT / "lab" / "results"
-STORED = stored(RESULTS)
+STORED = stored_results(RESULTS)
 PAGE = (RESULTS / "README.md").read_text(encoding="utf-8")
 
 

@@ -10,9 +10,9 @@ from lab.bench.security import (
     Attack,
     AttackedDrive,
     bench_security,
-    broken,
+    broken_messages,
     foreign,
-    forged,
+    forge_messages,
     open_drive,
     secured_drive,
     wrong_roles,
@@ -29,7 +29,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory):
 
 
 def attacks(drive: AttackedDrive) -> dict[str, Attack]:
-    every = [*foreign(drive), *wrong_roles(drive), *broken(drive, np.random.default_rng(0))]
+    every = [*foreign(drive), *wrong_roles(drive), *broken_messages(drive, np.random.default_rng(0))]
     return {attack.name: attack for attack in every}
 
 
@@ -59,7 +59,7 @@ def test_messages_of_the_right_role_do_arrive_and_malformed_ones_are_counted(dri
 
 def test_without_keys_the_same_attack_is_acted_upon() -> None:
     with open_drive() as drive:
-        assert forged(drive, "no keys", {}).run(drive, COUNT)["acted_upon"] > 0
+        assert forge_messages(drive, "no keys", {}).run(drive, COUNT)["acted_upon"] > 0
 
 
 @pytest.mark.proof

@@ -2,7 +2,7 @@
 
 import pytest
 
-from lab.bench.seeds import SCORED, compared, score, scored_scenarios
+from lab.bench.seeds import SCORED, compare_seeds, score, scored_scenarios
 from sim_harness.scenarios.scenario import Scenario
 
 SHORT = Scenario(
@@ -37,7 +37,7 @@ def test_no_runs_have_no_score():
 
 @pytest.mark.usefixtures("in_this_process")
 def test_the_same_seeds_score_the_same(tmp_path):
-    same = compared([SHORT], (3, 4), (3, 4), out=tmp_path / "seeds.jsonl")
+    same = compare_seeds([SHORT], (3, 4), (3, 4), out=tmp_path / "seeds.jsonl")
     assert (same["pass_rate_difference_points"], same["mean_error_difference_percent"]) == (0.0, 0.0)
     assert (same["known_runs"], same["fresh_runs"]) == (2, 2)
 
@@ -45,10 +45,10 @@ def test_the_same_seeds_score_the_same(tmp_path):
 @pytest.mark.usefixtures("in_this_process")
 def test_a_stored_run_is_not_repeated_and_counts_for_its_seed(tmp_path):
     out = tmp_path / "seeds.jsonl"
-    first = compared([SHORT], (3,), (4,), out=out)
+    first = compare_seeds([SHORT], (3,), (4,), out=out)
     lines = out.read_text()
     assert lines.count("\n") == 2
-    assert compared([SHORT], (3,), (4,), out=out) == first
+    assert compare_seeds([SHORT], (3,), (4,), out=out) == first
     assert out.read_text() == lines
 
 

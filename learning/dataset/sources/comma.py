@@ -74,7 +74,7 @@ def _files(segment: Path) -> list[Path]:
     return [path for name in names if (path := _array(segment, name)) is not None]
 
 
-def _loaded(segment: Path, name: str) -> Array:
+def _load_array(segment: Path, name: str) -> Array:
     path = _array(segment, name)
     if path is None:
         raise InputError(f"{segment}: no {name} (nor {name}.npy): not a whole segment of comma2k19")
@@ -86,7 +86,7 @@ def _loaded(segment: Path, name: str) -> Array:
 
 def _series(segment: Path, quantity: str, width: int = 1) -> tuple[Column, Array]:
     """Times (n,) and values (n, width) of a quantity. Raises InputError."""
-    t_s, values = _times(segment, f"{quantity}/t"), _loaded(segment, f"{quantity}/value")
+    t_s, values = _times(segment, f"{quantity}/t"), _load_array(segment, f"{quantity}/value")
     if values.size != width * len(t_s) or values.shape[:1] != t_s.shape:
         raise InputError(
             f"{segment}: {quantity}: values of shape {values.shape} for {len(t_s)} times;"
@@ -96,7 +96,7 @@ def _series(segment: Path, quantity: str, width: int = 1) -> tuple[Column, Array
 
 
 def _times(segment: Path, name: str) -> Column:
-    t_s = _loaded(segment, name)
+    t_s = _load_array(segment, name)
     if t_s.ndim != 1 or not np.isfinite(t_s).all():
         raise InputError(f"{segment}: {name}: expected a column of times, got the shape {t_s.shape}")
     return t_s

@@ -42,7 +42,9 @@ def read_drive(path: Path, faults: Faults, *, labels_of: str | None = None) -> L
         return between(t_s, at_s, values)
 
     measured = labels_of is None
-    steering = column("road_wheel_angle_rad") if labels_of is None else estimated(path, labels_of, t_s)
+    steering = (
+        column("road_wheel_angle_rad") if labels_of is None else estimated_angles_rad(path, labels_of, t_s)
+    )
     began_s = recorded.began_s if recorded.began_s is not None else -math.inf
     log = Log(
         kind="recording",
@@ -85,7 +87,7 @@ def _images(path: Path) -> tuple[str, str]:
     return next(iter(topics.items()))
 
 
-def estimated(path: Path, name: str, t_s: Column) -> Column:
+def estimated_angles_rad(path: Path, name: str, t_s: Column) -> Column:
     """The road-wheel angles that the estimator ``name`` gave for the frames taken at ``t_s`` [rad]; NaN without."""
     recorded = read_recording(path, estimate_topic(name).key).of(estimate_topic(name))
     angles = {nanoseconds(one.t_s): one.road_wheel_angle_rad for _, one in recorded}

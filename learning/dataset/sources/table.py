@@ -79,7 +79,7 @@ def read_table(path: Path, faults: Faults, options: TableOptions) -> Log:
     if _is_udacity(header) and not options.renamed:
         has_header = tuple(name.lower() for name in header) == UDACITY
         return _udacity(path, rows[1:] if has_header else rows, faults)
-    return _named(path, header, rows[1:], faults, options)
+    return _log_of_columns(path, header, rows[1:], faults, options)
 
 
 def _is_udacity(header: list[str]) -> bool:
@@ -130,8 +130,10 @@ def _below(folder: Path, name: str) -> str:
     return near if (folder / near).is_file() else name if Path(name).is_file() else near
 
 
-def _named(path: Path, header: list[str], rows: list[Row], faults: Faults, options: TableOptions) -> Log:
-    at, names = _chosen(path, header, options)
+def _log_of_columns(
+    path: Path, header: list[str], rows: list[Row], faults: Faults, options: TableOptions
+) -> Log:
+    at, names = _choose_columns(path, header, options)
     if "time" in at and options.fps is not None:
         raise InputError(f"{path}:1: has times in the column {header[at['time']]!r}; leave out --fps")
     angle = next(quantity for quantity in ANGLES if quantity in at)
@@ -143,7 +145,7 @@ def _named(path: Path, header: list[str], rows: list[Row], faults: Faults, optio
         try:
             if len(row) != len(header):
                 raise ValueError(f"expected {len(header)} columns, got {len(row)}")
-            values = [_scaled(row[at[quantity]], names[quantity]) for quantity in numeric]
+            values = [_scaled_number(row[at[quantity]], names[quantity]) for quantity in numeric]
             _check_counted(dict(zip(numeric, values, strict=True)))
             image = "" if options.video else _below(path.parent, row[at["image"]].strip())
         except ValueError as error:
@@ -162,7 +164,7 @@ def _named(path: Path, header: list[str], rows: list[Row], faults: Faults, optio
     log = _log("table", path, texts["image"], t_s, columns[angle], SteeringUnit(angle), texts["where"])
     if any(texts["route"]):
         log.route = [f"{path.parent.name}/{route}" for route in texts["route"]]
-    _filmed(log, columns.get("frame", columns["row"]), options)
+    _name_film_frames(log, columns.get("frame", columns["row"]), options)
     log.speed_mps = columns.get("speed", log.speed_mps)
     log.yaw_rate_radps = columns.get("yaw rate", log.yaw_rate_radps)
     log.unread = faults.rows - before
@@ -174,7 +176,9 @@ def _named(path: Path, header: list[str], rows: list[Row], faults: Faults, optio
     return log
 
 
-def _chosen(path: Path, header: list[str], options: TableOptions) -> tuple[dict[str, int], dict[str, str]]:
+def _choose_columns(
+    path: Path, header: list[str], options: TableOptions
+) -> tuple[dict[str, int], dict[str, str]]:
     """Place of the column of each quantity, and the name whose unit it has. Raises InputError."""
     strange = [name for name in options.renamed if name not in NAMES]
     if strange:
@@ -215,7 +219,7 @@ def _chosen(path: Path, header: list[str], options: TableOptions) -> tuple[dict[
     return at, names
 
 
-def _scaled(text: str, name: str) -> float:
+def _scaled_number(text: str, name: str) -> float:
     factor = next(names[name] for names in COLUMNS.values() if name in names)
     return factor * number(text.strip())
 
@@ -238,7 +242,7 @@ def _check_lock(path: Path, name: str, values: Column) -> None:
         )
 
 
-def _filmed(log: Log, frame: Column, options: TableOptions) -> None:
+def _name_film_frames(log: Log, frame: Column, options: TableOptions) -> None:
     """Let the rows name frames of the video by their numbers."""
     if options.video is None:
         return

@@ -72,7 +72,7 @@ def _version_2(path: Path, faults: Faults, angle: str) -> Log:
     for name in unlisted:
         faults(f"{path / name}: is not in the manifest", rows=0, remedy="read")
     catalogs = [file.name for file in natural_order(map(Path, {*listed, *held}))] if unlisted else listed
-    records = list(_catalogued(path, catalogs, faults))
+    records = list(_catalog_records(path, catalogs, faults))
     if manifest.records is not None:
         _count_lost(f"{path / MANIFEST}:5", manifest.records, records, faults.rows - before, faults)
     images = manifest.images or _image_inputs(records)
@@ -111,7 +111,7 @@ def _image_inputs(records: list[Record]) -> list[str]:
     return named or [IMAGE_KEY]
 
 
-def _catalogued(path: Path, catalogs: list[str], faults: Faults) -> Iterator[Record]:
+def _catalog_records(path: Path, catalogs: list[str], faults: Faults) -> Iterator[Record]:
     """The records of all catalogs; ``faults`` gets lines that are none, and catalogs that are missing."""
     for name in catalogs:
         try:

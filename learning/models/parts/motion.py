@@ -11,7 +11,7 @@ REACH = 0.125  # of the width
 FLOOR = 1e-4
 
 
-class Standardised(nn.BatchNorm1d):
+class Standardisation(nn.BatchNorm1d):
     """Numbers (n, m) with mean 0 and deviation 1 by the statistics of all batches of the training so far.
 
     With those of the batch, as in batch normalisation, a number would depend on the other rows of its batch: their
@@ -90,7 +90,7 @@ class Shift(Memory):
         self.motion = SideShift(size)
         self.moved = 2 * count
         self.state_size = 1 + self.motion.edges_count + self.moved
-        self.scale = Standardised(self.moved)
+        self.scale = Standardisation(self.moved)
         self.join = nn.Sequential(nn.LazyLinear(units), nn.ReLU())
 
     def reads(self, pixels: Tensor, extract: Extract) -> Tensor:
@@ -133,7 +133,7 @@ class ShiftedLSTM(Memory):
     def __init__(self, size: tuple[int, int], inputs: int, units: int) -> None:
         super().__init__()
         self.motion = SideShift(size)
-        self.scale = Standardised(2)
+        self.scale = Standardisation(2)
         self.lstm = LSTM(inputs + 2, units)
         self.remember(WINDOW)
 
@@ -148,7 +148,7 @@ class ShiftedLSTM(Memory):
     def step(self, features: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         seen, now = self._parts(features)
         known, before, inner = state.split([1, self.motion.edges_count, self.lstm.state_size], dim=1)
-        moved = self._moved(now, torch.where(known > 0.5, before, now))
+        moved = self._motion_input(now, torch.where(known > 0.5, before, now))
         output, inner = self.lstm.step(torch.cat([seen, moved], dim=1), inner)
         return torch.cat([output, moved], dim=1), torch.cat([torch.ones_like(known), now, inner], dim=1)
 
@@ -156,7 +156,7 @@ class ShiftedLSTM(Memory):
         """Outputs (n, t, o) of sequences (n, t, f) from a state of zeros."""
         seen, now = self._parts(features)
         before = torch.cat([now[:, :1], now[:, :-1]], dim=1)
-        moved = self._moved(now.flatten(0, 1), before.flatten(0, 1)).unflatten(0, now.shape[:2])
+        moved = self._motion_input(now.flatten(0, 1), before.flatten(0, 1)).unflatten(0, now.shape[:2])
         return torch.cat([self.lstm(torch.cat([seen, moved], dim=2)), moved], dim=2)
 
     def _parts(self, features: Tensor) -> tuple[Tensor, Tensor]:
@@ -164,6 +164,6 @@ class ShiftedLSTM(Memory):
         edges = self.motion.edges_count
         return features[..., :-edges], features[..., -edges:]
 
-    def _moved(self, now: Tensor, before: Tensor) -> Tensor:
+    def _motion_input(self, now: Tensor, before: Tensor) -> Tensor:
         pairs = (edges.unflatten(1, self.motion.edges_size) for edges in (now, before))
         return self.scale(torch.stack(self.motion.between(*pairs), dim=1))

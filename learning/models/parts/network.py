@@ -94,7 +94,7 @@ class SteeringNetwork(nn.Module):
         return angle * self.scale_rad, sigma * self.scale_rad
 
 
-class Exported(nn.Module):
+class ExportedNetwork(nn.Module):
     """Frames (n, H, W, 3) to road-wheel angle (n,) and sigma (n,) [rad]; with a memory also state to next state."""
 
     def __init__(self, network: SteeringNetwork) -> None:
@@ -142,7 +142,7 @@ def dense(*units: int, dropout: float = 0.0) -> nn.Sequential:
 
 def glorot(network: nn.Module) -> None:
     """Weights as Keras starts them: Glorot uniform, biases zero. Batch normalisation and memories keep theirs."""
-    for layer in _weighted(network):
+    for layer in _layers_with_weights(network):
         nn.init.xavier_uniform_(layer.weight)
         if layer.bias is not None:
             nn.init.zeros_(layer.bias)
@@ -150,16 +150,16 @@ def glorot(network: nn.Module) -> None:
 
 def he(network: nn.Module) -> None:
     """Weights after He et al. (ICCV 2015), for ReLU; biases zero. Batch normalisation and memories keep theirs."""
-    for layer in _weighted(network):
+    for layer in _layers_with_weights(network):
         nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
         if layer.bias is not None:
             nn.init.zeros_(layer.bias)
 
 
-def _weighted(part: nn.Module) -> Iterator[nn.Conv2d | nn.Linear]:
+def _layers_with_weights(part: nn.Module) -> Iterator[nn.Conv2d | nn.Linear]:
     """The convolutions and dense layers of a network that are no part of its memory."""
     for layer in part.children():
         if isinstance(layer, nn.Conv2d | nn.Linear):
             yield layer
         elif not isinstance(layer, Memory):
-            yield from _weighted(layer)
+            yield from _layers_with_weights(layer)

@@ -47,8 +47,8 @@ class InputView(nn.Module):
     def forward(self, image: Tensor) -> Tensor:
         pixels = image[:, self.crop_px :].permute(0, 3, 1, 2).to(torch.float32)
         if self.histogram != "none":
-            pixels = self._matched(pixels)
-        return self._scaled(self._coloured(pixels.flip(1)))
+            pixels = self._match_histogram(pixels)
+        return self._scale(self._convert_colour(pixels.flip(1)))
 
     def match(self, counts: ArrayLike) -> None:
         """Match the histogram of each frame to the reference histogram ``counts`` (256,).
@@ -62,7 +62,7 @@ class InputView(nn.Module):
         quantiles = np.interp(np.linspace(0.0, 1.0, LEVELS), middles, np.arange(LEVELS))
         self.reference.copy_(torch.from_numpy(quantiles.astype(np.float32)))
 
-    def _matched(self, pixels: Tensor) -> Tensor:
+    def _match_histogram(self, pixels: Tensor) -> Tensor:
         luminance = sum(pixels[:, i] * GREY[i] for i in range(3)).round().long().flatten(1)
         ones = torch.ones_like(luminance, dtype=torch.float32)
         counts = torch.zeros(luminance.shape[0], LEVELS, device=pixels.device).scatter_add(1, luminance, ones)
@@ -74,14 +74,14 @@ class InputView(nn.Module):
         levels = pixels.long().flatten(1)
         return torch.gather(table, 1, levels).reshape(pixels.shape)
 
-    def _coloured(self, rgb: Tensor) -> Tensor:
+    def _convert_colour(self, rgb: Tensor) -> Tensor:
         if self.colour == "grey":
             return (rgb * rgb.new_tensor(GREY[::-1])[:, None, None]).sum(1, keepdim=True)
         if self.colour == "yuv":
             return nn.functional.conv2d(rgb, self.yuv[:, :, None, None], rgb.new_tensor(GREY_YUV))
         return rgb
 
-    def _scaled(self, pixels: Tensor) -> Tensor:
+    def _scale(self, pixels: Tensor) -> Tensor:
         if self.scaling == "unit":
             return pixels / 255
         if self.scaling == "signed":

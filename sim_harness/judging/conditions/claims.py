@@ -81,7 +81,7 @@ class Is:
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class SignalPresent:
     """A signal is present."""
 
     signal: Signal
@@ -120,7 +120,7 @@ class Not:
         return np.select([margin == 0.0, margin == JUST_FALSE], [JUST_FALSE, 0.0], -margin)
 
 
-def negated(claim: Claim) -> Claim:
+def negate(claim: Claim) -> Claim:
     """The claim that is true where ``claim`` is false."""
     return claim.claim if isinstance(claim, Not) else Not(claim)
 

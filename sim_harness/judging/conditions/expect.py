@@ -42,7 +42,7 @@ class Expect(Settings):
     must_stand: bool = False  # not drive at all: any other run in which the car stands is "not driven"
     conditions: tuple[Sentence, ...] = ()  # sentences over time; grammar: docs/conditions.md
 
-    def shortened(self, duration_s: float) -> "Expect":
+    def shorten(self, duration_s: float) -> "Expect":
         """Without the criteria that need a run longer than ``duration_s``."""
         dropped: dict[str, object] = {"must_finish": False, "min_mean_speed_mps": None, "conditions": ()}
         if self.must_stop_by_s is not None and self.must_stop_by_s > duration_s:

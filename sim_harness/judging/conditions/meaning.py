@@ -8,10 +8,27 @@ from lark.exceptions import VisitError
 from lark.tree import Meta
 from lark.visitors import Transformer_NonRecursive, v_args
 
-from sim_harness.judging.conditions.claims import Active, AtLeastZero, Both, Claim, Is, Known, Sum, negated
+from sim_harness.judging.conditions.claims import (
+    Active,
+    AtLeastZero,
+    Both,
+    Claim,
+    Is,
+    SignalPresent,
+    Sum,
+    negate,
+)
 from sim_harness.judging.conditions.conditions import Condition, Word
 from sim_harness.judging.conditions.grammar import COMPARISON, SentenceError, error_after, parse_tree
-from sim_harness.judging.conditions.scopes import Around, Begins, Counted, Elapsed, Ending, Instant, Scope
+from sim_harness.judging.conditions.scopes import (
+    Around,
+    Begins,
+    CountedEvents,
+    ElapsedInstant,
+    Ending,
+    Instant,
+    Scope,
+)
 from sim_harness.judging.conditions.signals import (
     UNITS,
     Signal,
@@ -75,7 +92,7 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
         at_some_time = quantifier is None and any(limit.word == "within" for limit in limits)
         return Condition(
             self._text,
-            negated(claim) if quantifier == "never" else claim,
+            negate(claim) if quantifier == "never" else claim,
             scope,
             eventually=quantifier == "eventually" or at_some_time,
             words=tuple(sorted(self._words, key=lambda word: word.column)),
@@ -90,25 +107,25 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
     conjunction = Both
 
     def disjunction(self, first: Claim, second: Claim) -> Claim:
-        return negated(Both(negated(first), negated(second)))
+        return negate(Both(negate(first), negate(second)))
 
     def negation(self, _: Token, claim: Claim) -> Claim:
-        return negated(claim)
+        return negate(claim)
 
     def active(self, name: Token) -> Claim:
         """A name alone; the name of a signal needs a comparison."""
         if name.type == "NAME" and find_signal(name):
             raise error_after(self._text, name.end_pos or 0, COMPARISON)
-        return Active(self._noted("event", name))
+        return Active(self._note_name("event", name))
 
-    def _noted(self, kind: str, name: Token) -> str:
+    def _note_name(self, kind: str, name: Token) -> str:
         """``name`` without quotes, kept as a word of the sentence."""
         column = (name.start_pos or 0) + 1 + (name.type == "QUOTED")
         self._words.append(Word(kind, name.strip("'"), column))
         return name.strip("'")
 
     def label(self, label: Token, comparison: Token, not_: Token | None, token: Token) -> Claim:
-        word = self._noted(str(label), token)
+        word = self._note_name(str(label), token)
         known = _LABEL_WORDS.get(label)
         if known is not None:
             same = [name for name in known if name.lower() == word.lower()]
@@ -117,29 +134,29 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
                 raise self._error(token, f"{label} has no {word!r}; it has {', '.join(known)}{hint}")
             word = same[0]
         claim = Is(str(label), word)
-        return claim if (not_ is None) == (comparison not in ("!=", "≠")) else negated(claim)
+        return claim if (not_ is None) == (comparison not in ("!=", "≠")) else negate(claim)
 
     def comparison(self, left: _Operand, sign: Token, right: _Operand, *more: Any) -> Claim:
         """sum operator sum {operator sum}: all of the comparisons hold."""
-        claim = self._compared(left, sign, right)
+        claim = self._comparison(left, sign, right)
         return Both(claim, self.comparison(right, *more)) if more else claim
 
     def equality(self, left: _Operand, sign: Token, not_: Token | None, right: _Operand | Token) -> Claim:
         """sum is [not] known|unknown|sum."""
         if isinstance(right, _Operand):
-            claim = self._compared(left, sign, right)
+            claim = self._comparison(left, sign, right)
         elif len(left.sum.terms) != 1 or left.sum.constant != 0.0:
             raise self._error(left, f"only a single signal can be {right}")
         else:
-            known = Known(left.sum.terms[0][1])
-            claim = known if right == "known" else negated(known)
-        return claim if not_ is None else negated(claim)
+            known = SignalPresent(left.sum.terms[0][1])
+            claim = known if right == "known" else negate(known)
+        return claim if not_ is None else negate(claim)
 
-    def _compared(self, left: _Operand, sign: Token, right: _Operand) -> Claim:
+    def _comparison(self, left: _Operand, sign: Token, right: _Operand) -> Claim:
         """One comparison. The levels of fear are intervals: ``<= high`` is below the upper border of high."""
         if right.level is not None and left.sum == _FEAR and left.level is None:
             low, high = (Sum((), -border) for border in fear_border(right.level))
-            return _ordered(AtLeastZero(_FEAR + low), sign, negated(AtLeastZero(_FEAR + high)))
+            return _ordered_claim(AtLeastZero(_FEAR + low), sign, negate(AtLeastZero(_FEAR + high)))
         if left.level or right.level:
             raise self._error(left, "expected fear before a level, as in 'fear >= high'")
         if left.unit is not None and right.unit is not None and left.unit != right.unit:
@@ -148,7 +165,7 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
         difference = left.sum + -right.sum
         if not difference.terms:
             raise self._error(left, "expected a signal in the comparison, found only numbers")
-        return _ordered(AtLeastZero(difference), sign, AtLeastZero(-difference))
+        return _ordered_claim(AtLeastZero(difference), sign, AtLeastZero(-difference))
 
     # Sums.
 
@@ -196,7 +213,7 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
         return _Limit(word, {"while_claim": claim, "while_must_hold": word != "whenever"})
 
     def during(self, word: Token, name: Token) -> _Limit:
-        return _Limit(word, {"while_claim": Active(self._noted("event", name))})
+        return _Limit(word, {"while_claim": Active(self._note_name("event", name))})
 
     def since(self, word: Token, start: Instant) -> _Limit:
         return _Limit(word, {"start": start})
@@ -210,13 +227,13 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
     def moment(self, word: Token, instant: Instant) -> _Limit:
         return _Limit(word, {"start": instant, "end": instant})
 
-    elapsed, ending, counted = Elapsed, Ending, Counted
+    elapsed, ending, counted = ElapsedInstant, Ending, CountedEvents
 
     @v_args(meta=True, inline=True)
     def becomes(self, meta: Meta, claim: Claim, edge: Token | None) -> Instant:
         text = self._text[meta.start_pos : meta.end_pos]
         ends = edge == "ends"
-        return Begins(negated(claim) if ends else claim, text, after_start=ends)
+        return Begins(negate(claim) if ends else claim, text, after_start=ends)
 
     def seconds(self, number: Token, written: Token | None) -> float:
         """A duration or a time [s]."""
@@ -226,14 +243,14 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
         return float(number) * factor
 
 
-def _ordered(at_least: Claim, sign: Token, at_most: Claim) -> Claim:
+def _ordered_claim(at_least: Claim, sign: Token, at_most: Claim) -> Claim:
     """The comparison ``sign``, from the claims that its left side is at least and at most its right side."""
     claims: dict[str, Claim] = {
         ">=": at_least,
         "<=": at_most,
-        ">": negated(at_most),
-        "<": negated(at_least),
+        ">": negate(at_most),
+        "<": negate(at_least),
         "==": Both(at_least, at_most),
-        "!=": negated(Both(at_least, at_most)),
+        "!=": negate(Both(at_least, at_most)),
     }
     return claims[_SPELLINGS.get(sign, sign)]

@@ -26,7 +26,7 @@ class Begins:
 
 
 @dataclass(frozen=True, slots=True)
-class Counted:
+class CountedEvents:
     """The instants at which a departure, an intervention or a collision is counted."""
 
     text: str  # the counted thing
@@ -36,7 +36,7 @@ class Counted:
 
 
 @dataclass(frozen=True, slots=True)
-class Elapsed:
+class ElapsedInstant:
     """One instant, counted from the start of the run."""
 
     time_s: float
@@ -60,7 +60,7 @@ class Ending:
         return [float(trace["t_s"][-1])]
 
 
-Instant = Begins | Counted | Elapsed | Ending
+Instant = Begins | CountedEvents | ElapsedInstant | Ending
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from sim_harness.world.opendrive.sections import (
     Ends,
     Strip,
     cross_section,
-    flipped,
+    flip_marking,
 )
 from sim_harness.world.roads.appearance import Marking, Section, Stroke
 from sim_harness.world.roads.road import Road, RoadSettings
@@ -106,7 +106,7 @@ def _lane_section(
     for strip in (Strip(profile.width_m, profile.right), *profile.right_lanes):
         made.add_right_lane(lane(strip.width_m, strip.marking))
     for strip in profile.left_lanes:  # OpenDRIVE names its lines from the inside outwards: from right to left
-        made.add_left_lane(lane(strip.width_m, flipped(strip.marking)))
+        made.add_left_lane(lane(strip.width_m, flip_marking(strip.marking)))
     if profile.paved_right_m:
         made.add_right_lane(lane((profile.paved_right_m,) * 2, nothing, xodr.LaneType.shoulder))
     if profile.paved_left_m:

@@ -62,11 +62,11 @@ class KeptLane:
 
     def _first_wide(self, candidates: list[int]) -> list[int]:
         """The ids along the sections of the first candidate that is anywhere a lane wide, else of the first."""
-        first = _followed(self._all, candidates[0])
+        first = _follow_links(self._all, candidates[0])
         for other in candidates[1:]:
             if self._widths_m(first)[1].max() >= NARROWEST_LANE_M:
                 break
-            ids = _followed(self._all, other)
+            ids = _follow_links(self._all, other)
             if self._widths_m(ids)[1].max() >= NARROWEST_LANE_M:
                 return ids
         return first
@@ -122,7 +122,7 @@ def _candidates(section: LaneSection, lane: int | None, forward_sign: int) -> li
     return [lane]
 
 
-def _followed(sections: list[LaneSection], lane: int) -> list[int]:
+def _follow_links(sections: list[LaneSection], lane: int) -> list[int]:
     """The id of the lane in each section up to its end. Raises InputError for a wrong link."""
     lanes = [lane]
     for here, there in pairwise(sections):

@@ -24,7 +24,14 @@ from sim_harness.world.opendrive.kept_lane import KeptLane
 from sim_harness.world.opendrive.lane_table import DRIVEN, PAVED, CubicRecord, LaneSection, active, records
 from sim_harness.world.opendrive.located_xml import Element, read_xml
 from sim_harness.world.opendrive.plan_view import MAX_CURVATURE_1PM, SLIVER_M, Clothoid, Piece, plan_view
-from sim_harness.world.opendrive.sections import CrossSection, Profile, Strip, mirrored, sections, user_data
+from sim_harness.world.opendrive.sections import (
+    CrossSection,
+    Profile,
+    Strip,
+    reverse_lanes,
+    sections,
+    user_data,
+)
 from sim_harness.world.roads.appearance import Section
 from sim_harness.world.roads.road import CLOSED_WITHIN_M, CLOSED_WITHIN_RAD, Road, RoadSettings, Segment
 from trepid.config import InputError
@@ -41,14 +48,14 @@ JUMP_M = 0.01  # of a lane's middle, that no road follows
 
 
 @dataclass(frozen=True, slots=True)
-class Imported:
+class ImportedRoad:
     """A road, and notes on the contents of the file that it leaves out."""
 
     settings: RoadSettings
     notes: tuple[str, ...]
 
 
-def read_opendrive(path: Path, *, road: str | None = None, lane: int | None = None) -> Imported:
+def read_opendrive(path: Path, *, road: str | None = None, lane: int | None = None) -> ImportedRoad:
     """The lane ``lane`` of the road with the id ``road`` in the file ``path``.
 
     Defaults: the first road with a driving lane, and its innermost driving lane along the reference line. Other
@@ -66,7 +73,7 @@ def read_opendrive(path: Path, *, road: str | None = None, lane: int | None = No
     if road is not None and ids.count(road) > 1:
         raise roads[ids.index(road)].error(f"{ids.count(road)} roads have the id {road!r}")
     chosen = next(filter(_is_driven, roads), roads[0]) if road is None else roads[ids.index(road)]
-    return _LaneReader(chosen, lane).imported()
+    return _LaneReader(chosen, lane).import_road()
 
 
 def _is_driven(road: Element) -> bool:
@@ -174,27 +181,29 @@ class _LaneReader:
             raise shifted[0].element.error(what)
         self._backward = self._lane.ids[0] * forward_sign < 0
 
-    def imported(self) -> Imported:
+    def import_road(self) -> ImportedRoad:
         stretches = self._stretches()
         spans = [FittedCurve(s.start_m, s.end_m, s.knot, s.exact_m()) for s in stretches]
-        closed = self._closed(spans)
+        closed = self._is_closed(spans)
         try:
             fitted = fit(spans, closed=closed)
         except NoFit as error:
-            raise self._unfitted(error.span, spans, str(error)) from error
+            raise self._fit_refusal(error.span, spans, str(error)) from error
         lanes = [self._cross_section(stretch) for stretch in stretches]
         elements = [stretch.section.element for stretch in stretches]
         if self._backward:
-            fitted = [[_turned(segment) for segment in reversed(segments)] for segments in reversed(fitted)]
-            lanes, elements = [mirrored(profile) for profile in reversed(lanes)], elements[::-1]
+            fitted = [
+                [_turn_segment(segment) for segment in reversed(segments)] for segments in reversed(fitted)
+            ]
+            lanes, elements = [reverse_lanes(profile) for profile in reversed(lanes)], elements[::-1]
         lengths_m = [math.fsum(segment.length_m for segment in segments) for segments in fitted]
         starts_m = [math.fsum(lengths_m[:number]) for number in range(len(fitted))]
         stations_m = [stretch.end_m if self._backward else stretch.start_m for stretch in stretches]
         parts = (stations_m[::-1] if self._backward else stations_m, starts_m, lengths_m, lanes)
         profiles = [Profile(*each) for each in zip(elements, *parts, strict=True)]
-        return Imported(self._settings(profiles, fitted, closed=closed), self._notes())
+        return ImportedRoad(self._settings(profiles, fitted, closed=closed), self._notes())
 
-    def _unfitted(self, span: FittedCurve, spans: list[FittedCurve], what: str) -> InputError:
+    def _fit_refusal(self, span: FittedCurve, spans: list[FittedCurve], what: str) -> InputError:
         """The refusal of a curve that no road follows, with its reason."""
         for here, there in pairwise(spans):
             before, after = here.at(here.end), there.at(there.start)
@@ -259,7 +268,7 @@ class _LaneReader:
                 return [part for half in halves for part in self._linear_widths(self._stretch(*half))]
         return [stretch]
 
-    def _closed(self, spans: list[FittedCurve]) -> bool:
+    def _is_closed(self, spans: list[FittedCurve]) -> bool:
         """True when the road is its own successor. Raises InputError when its end misses its start."""
         link = self._road.first("link/successor")
         own_start = {"elementId": self._road.text("id"), "contactPoint": "start"}
@@ -314,7 +323,7 @@ class _LaneReader:
             "lane_width_m": profiles[0].lanes.width_m[0],
             **(user_data(self._road) if exported else {}),
             "closed": closed,
-            "segments": _merged(fitted),
+            "segments": _merge_segments(fitted),
             "sections": (Section(name="", start_m=0),),
         }
         try:
@@ -350,11 +359,11 @@ def _places(span: FittedCurve) -> list[float]:
     return [float(s) for s in np.linspace(span.start, span.end, 20)]
 
 
-def _turned(segment: Segment) -> Segment:
+def _turn_segment(segment: Segment) -> Segment:
     return clothoid(segment.length_m, -segment.end_curvature_1pm, -segment.start_curvature_1pm)
 
 
-def _merged(fitted: list[list[Segment]]) -> tuple[Segment, ...]:
+def _merge_segments(fitted: list[list[Segment]]) -> tuple[Segment, ...]:
     """The segments in one list; neighbours of equal curvature rate are joined."""
     out: list[Segment] = []
     for segment in (segment for segments in fitted for segment in segments):

@@ -150,25 +150,26 @@ def plain(marking: Marking) -> Marking:
     return Marking.model_validate(marking.model_dump(include=kept))
 
 
-def flipped(marking: Marking) -> Marking:
+def flip_marking(marking: Marking) -> Marking:
     """The marking in the opposite direction."""
     return marking.model_copy(update={"stroke": FLIPPED.get(marking.stroke, marking.stroke)})
 
 
-def mirrored(lanes: CrossSection) -> CrossSection:
+def reverse_lanes(lanes: CrossSection) -> CrossSection:
     """``lanes`` in the opposite direction."""
 
-    def turned(strips: tuple[Strip, ...]) -> tuple[Strip, ...]:
+    def turn_strips(strips: tuple[Strip, ...]) -> tuple[Strip, ...]:
         return tuple(
-            replace(strip, width_m=strip.width_m[::-1], marking=flipped(strip.marking)) for strip in strips
+            replace(strip, width_m=strip.width_m[::-1], marking=flip_marking(strip.marking))
+            for strip in strips
         )
 
     return CrossSection(
         width_m=lanes.width_m[::-1],
-        left=flipped(lanes.right),
-        right=flipped(lanes.left),
-        left_lanes=turned(lanes.right_lanes),
-        right_lanes=turned(lanes.left_lanes),
+        left=flip_marking(lanes.right),
+        right=flip_marking(lanes.left),
+        left_lanes=turn_strips(lanes.right_lanes),
+        right_lanes=turn_strips(lanes.left_lanes),
         paved_left_m=lanes.paved_right_m,
         paved_right_m=lanes.paved_left_m,
     )
@@ -178,7 +179,7 @@ def sections(profiles: Sequence[Profile], lane_width_m: float, *, with_user_data
     """The fewest sections that describe ``profiles``. Raises InputError for a lane that no section can have."""
     groups: list[Profile] = []
     for profile in (replace(each, lanes=_plain_widths(each.lanes)) for each in profiles):
-        longer = _joined(groups[-1], profile) if groups else None
+        longer = _join_profiles(groups[-1], profile) if groups else None
         groups[-1:] = [longer] if longer else [*groups[-1:], profile]
     for number in range(1, len(groups)):
         met = _meeting(groups[number - 1].lanes, groups[number].lanes)
@@ -218,7 +219,7 @@ def _section(profile: Profile, lane_width_m: float, *, with_user_data: bool) -> 
     return Section.model_validate({**place, **profile.lanes.fields()})
 
 
-def _joined(a: Profile, b: Profile) -> Profile | None:
+def _join_profiles(a: Profile, b: Profile) -> Profile | None:
     """Both profiles as one, None where they differ."""
     if a.element is not b.element or len(a.lanes.widths) != len(b.lanes.widths):
         return None

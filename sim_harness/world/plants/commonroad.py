@@ -60,7 +60,7 @@ class CommonRoadPlant(ForeignPlant):
             cg_to_rear_m=float(self._model.parameters.b),
         )
 
-    def _integrated(
+    def _integrate(
         self, state: PlantState, start: Pose, accel_demand_mps2: float, h: float
     ) -> tuple[Pose, Actuation, Inner]:
         before, end = self.actuators.at(state), self.actuators.after(state, accel_demand_mps2, h)
@@ -122,13 +122,13 @@ def _model(model: Model, vehicle: Vehicle, settings: PlantSettings) -> _Model:
         from vehiclemodels.vehicle_dynamics_std import vehicle_dynamics_std
     except ImportError as error:
         raise InputError(f"plant: model {model.value!r} needs: pip install 'trepid[bench]'") from error
-    parameters = _adapted(parameters_vehicle2(), vehicle, settings)
+    parameters = _adapt_parameters(parameters_vehicle2(), vehicle, settings)
     if model is Model.COMMONROAD_DRIFT:
         return _Model(init_std, vehicle_dynamics_std, parameters, drift_at=6)
     return _Model(init_mb, vehicle_dynamics_mb, parameters, drift_at=None)
 
 
-def _adapted(p: Any, vehicle: Vehicle, settings: PlantSettings) -> Any:
+def _adapt_parameters(p: Any, vehicle: Vehicle, settings: PlantSettings) -> Any:
     """CommonRoad's parameters, shortened, loaded over the centre of gravity, on a road of the given friction."""
     ratio = vehicle.wheelbase_m / (p.a + p.b)
     p.a, p.b = p.a * ratio, p.b * ratio

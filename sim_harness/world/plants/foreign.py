@@ -9,7 +9,7 @@ import math
 from abc import abstractmethod
 from typing import ClassVar
 
-from sim_harness.world.plants.actuators import Actuation, moved
+from sim_harness.world.plants.actuators import Actuation, state_after
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
@@ -44,12 +44,12 @@ class ForeignPlant(Plant):
             return self._rolling.advance(state, accel_demand_mps2, h)
         cos, sin = math.cos(state.yaw_rad), math.sin(state.yaw_rad)
         start = (state.x_m + self._cg_m * cos, state.y_m + self._cg_m * sin, state.yaw_rad)
-        (x_m, y_m, yaw_rad), end, inner = self._integrated(state, start, accel_demand_mps2, h)
+        (x_m, y_m, yaw_rad), end, inner = self._integrate(state, start, accel_demand_mps2, h)
         pose = (x_m - self._cg_m * math.cos(yaw_rad), y_m - self._cg_m * math.sin(yaw_rad), yaw_rad)
-        return moved(state, end, h, pose, inner if end.speed_mps >= self.ROLLING_MPS else ())
+        return state_after(state, end, h, pose, inner if end.speed_mps >= self.ROLLING_MPS else ())
 
     @abstractmethod
-    def _integrated(
+    def _integrate(
         self, state: PlantState, start: Pose, accel_demand_mps2: float, h: float
     ) -> tuple[Pose, Actuation, Inner]:
         """Pose of the centre of gravity, motion and inner state after ``h`` from its pose ``start``."""

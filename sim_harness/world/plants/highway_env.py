@@ -50,7 +50,7 @@ class HighwayEnvPlant(ForeignPlant):
             vehicle, settings, rolling=KinematicPlant(vehicle, settings), cg_to_rear_m=axles.cg_to_rear_m
         )
 
-    def _integrated(
+    def _integrate(
         self, state: PlantState, start: Pose, accel_demand_mps2: float, h: float
     ) -> tuple[Pose, Actuation, Inner]:
         _, middle, end = self.actuators.during(state, accel_demand_mps2, h)

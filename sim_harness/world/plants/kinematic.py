@@ -17,7 +17,7 @@ Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 (kinematics) and 3.3
 
 import math
 
-from sim_harness.world.plants.actuators import Actuation, moved
+from sim_harness.world.plants.actuators import Actuation, state_after
 from sim_harness.world.plants.axles import axles_of
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import AS_IN_THE_FILE, PlantSettings
@@ -61,7 +61,7 @@ class KinematicPlant(Plant):
         lateral_mps2 = curvature * speed_mps * speed_mps + self.bank_mps2
         if lateral_mps2 * lateral_mps2 + accel_mps2 * accel_mps2 <= self.grip_mps2 * self.grip_mps2:
             return curvature
-        return self._slid_1pm(lateral_mps2, speed_mps, accel_mps2)
+        return self._slide_curvature_1pm(lateral_mps2, speed_mps, accel_mps2)
 
     def yaw_rate_radps(self, state: PlantState) -> float:
         if state is self._last:
@@ -88,7 +88,7 @@ class KinematicPlant(Plant):
             theta += step
         raise ValueError(f"{self.vehicle.name} has no steady state at {speed_mps} m/s: it oversteers")
 
-    def _slid_1pm(self, lateral_mps2: float, speed_mps: float, accel_mps2: float) -> float:
+    def _slide_curvature_1pm(self, lateral_mps2: float, speed_mps: float, accel_mps2: float) -> float:
         """Curvature when the tyres would have to carry ``lateral_mps2`` and slide."""
         if speed_mps == 0.0:
             return 0.0
@@ -117,7 +117,7 @@ class KinematicPlant(Plant):
     def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
         start, middle, end = self.actuators.during(state, accel_demand_mps2, h)
         pose = self.pose_after((state.x_m, state.y_m, state.yaw_rad), start, middle, end, h)
-        self._last = moved(state, end, h, pose)
+        self._last = state_after(state, end, h, pose)
         return self._last
 
     def _yaw_rate(self, motion: Actuation) -> float:

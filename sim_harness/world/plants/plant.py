@@ -40,7 +40,7 @@ class Plant(ABC):
             speed_mps=speed_mps,
             road_wheel_angle_rad=angle_rad,
             acting_demand_rad=angle_rad,
-            inner=self.settled(curvature_1pm, speed_mps),
+            inner=self.steady_inner(curvature_1pm, speed_mps),
         )
 
     def step(self, state: PlantState, command: Command, dt_s: float) -> PlantState:
@@ -51,7 +51,7 @@ class Plant(ABC):
         """Lateral acceleration v·ψ' in the plane of the road, positive to the left."""
         return state.speed_mps * self.yaw_rate_radps(state)
 
-    def measured(self, state: PlantState, t_s: float) -> VehicleState:
+    def measure(self, state: PlantState, t_s: float) -> VehicleState:
         """``state`` as sensors without noise measure it at ``t_s``."""
         return VehicleState(
             t_s=t_s,
@@ -61,7 +61,7 @@ class Plant(ABC):
             driver_override=False,
         )
 
-    def settled(self, _curvature_1pm: float, _speed_mps: float) -> tuple[float, ...]:
+    def steady_inner(self, _curvature_1pm: float, _speed_mps: float) -> tuple[float, ...]:
         """``PlantState.inner`` of the steady state; () where tyres settle from rolling without slip."""
         return ()
 

@@ -21,7 +21,7 @@ Axle equations: Rajamani, Vehicle Dynamics and Control (2012), section 2.3. Tyre
 
 import math
 
-from sim_harness.world.plants.actuators import Actuation, moved
+from sim_harness.world.plants.actuators import Actuation, state_after
 from sim_harness.world.plants.axles import Axles, axles_of
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.plant import Plant
@@ -50,7 +50,7 @@ class SingleTrackPlant(Plant):
         fastest_radps = _fastest_mode_mps2(self.axles) / SETTLES_AS_AT_MPS
         self._max_step_s = min(MAX_STEP_S, STEP_OF_FASTEST_MODE / fastest_radps)
 
-    def settled(self, curvature_1pm: float, speed_mps: float) -> tuple[float, ...]:
+    def steady_inner(self, curvature_1pm: float, speed_mps: float) -> tuple[float, ...]:
         """(β, κ) of the steady state on ``curvature_1pm``."""
         return self._drift(curvature_1pm * speed_mps * speed_mps + self.bank_mps2), curvature_1pm
 
@@ -144,7 +144,7 @@ class SingleTrackPlant(Plant):
             start, middle, end = self.actuators.during(state, accel_demand_mps2, h / steps)
             before = (state.x_m, state.y_m, state.yaw_rad, *self._inner(state))
             x_m, y_m, yaw_rad, drift, curvature = rk4(self.rates, before, start, middle, end, h / steps)
-            state = moved(state, end, h / steps, (x_m, y_m, yaw_rad), inner=(drift, curvature))
+            state = state_after(state, end, h / steps, (x_m, y_m, yaw_rad), inner=(drift, curvature))
         return state
 
 

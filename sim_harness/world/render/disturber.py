@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from sim_harness.world.render.optics.lens import StrayLight, Windscreen, bloomed, vignetted
+from sim_harness.world.render.optics.lens import StrayLight, Windscreen, add_bloom, add_vignette
 from sim_harness.world.render.optics.motion import Shake
-from sim_harness.world.render.optics.sensor import coded, noisy
+from sim_harness.world.render.optics.sensor import code_jpeg, noisy
 from sim_harness.world.render.scene.air import distances, rain, snowfall, through_air
 from sim_harness.world.render.scene.backdrop import Backdrop
 from sim_harness.world.render.scene.night import Headlights
@@ -153,14 +153,14 @@ class Disturber:
         dirt = grades.get(Kind.DIRT, 0)
         if dirt > 0:
             light = self._windscreen.dirty(light, at(table.dirt.cover, dirt), at(table.dirt.veil, dirt))
-        return vignetted(light, vignette)
+        return add_vignette(light, vignette)
 
     def develop(self, light: Floats, shot: Shot, grades: Grade) -> Image:
         """Exposure: grey levels of the light on the sensor."""
         stops = self._stops(shot, grades)
         if stops != 0:
             light = light * np.float32(2**stops)
-        return grey_of(bloomed(light) if light.max() > 1 else light)
+        return grey_of(add_bloom(light) if light.max() > 1 else light)
 
     def _stops(self, shot: Shot, grades: Grade) -> float:
         """Exposure relative to even daylight, in stops."""
@@ -179,4 +179,4 @@ class Disturber:
         if gain > 1:
             image = noisy(image, gain, (shot.seed, shot.frame, 51))
         jpeg = grades.get(Kind.JPEG, 0)
-        return coded(image, at(table.jpeg.quality, jpeg)) if jpeg > 0 else image
+        return code_jpeg(image, at(table.jpeg.quality, jpeg)) if jpeg > 0 else image

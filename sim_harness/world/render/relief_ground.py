@@ -30,7 +30,7 @@ def draw_relief(image: Image, ground: Ground, view: View, relief: Relief) -> Non
     first, valid = first + int(beyond.sum()), valid[~beyond]
     if not len(valid):
         return
-    ahead_m, depth_m = (_filled(of.reshape(-1, SUB_ROWS)[~beyond]) for of in (ahead_m, depth_m))
+    ahead_m, depth_m = (_fill_lines(of.reshape(-1, SUB_ROWS)[~beyond]) for of in (ahead_m, depth_m))
     reaches_m = np.array(LEVELS_M[:-1]) * REACH_PX * view.camera.fx_px
     levels = np.searchsorted(reaches_m, depth_m[:, 0])
     for level in np.unique(levels):
@@ -44,7 +44,7 @@ def draw_relief(image: Image, ground: Ground, view: View, relief: Relief) -> Non
         image[here] = np.rint(mean * share + image[here] * (1 - share))
 
 
-def _filled(values: Array) -> Array:
+def _fill_lines(values: Array) -> Array:
     """Lines above the ground take the values of the first line below."""
     nearest = np.nanmax(values, axis=1, keepdims=True)
     return np.where(np.isfinite(values), values, nearest)

@@ -30,7 +30,7 @@ from sim_harness.world.render.scene.vehicles import Body, Upright, draw_lead
 from sim_harness.world.render.scene.view import STILL, Shot, ShutterMotion, View
 from sim_harness.world.render.scene.walls import Walls
 from sim_harness.world.roads.appearance import Light
-from sim_harness.world.roads.disturbances import Disturbance, disturbed
+from sim_harness.world.roads.disturbances import Disturbance, disturb
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.scale import scaled_message, scaled_settings
@@ -82,13 +82,13 @@ class Renderer:
         road, camera = road.in_reference_world, scaled_settings(camera, self._enlargement)
         disturbances = [scaled_settings(d, self._enlargement) for d in disturbances]
         if ground is None and disturbances:
-            road = Road(disturbed(road.settings, disturbances))
+            road = Road(disturb(road.settings, disturbances))
         self._world = road
         self._lens = Distortion(camera) if any(camera.distortion) else None
         self._eye = self._lens.pinhole if self._lens else camera
         self._ground = ground or Ground(road, seed=seed)
         self._backdrop = Backdrop(self._eye, seed=seed)
-        self._things = _enlarged(things, self._enlargement)
+        self._things = _enlarge_poses(things, self._enlargement)
         self._walls = Walls(road, seed=seed) if road.settings.walls else None
         self._view = (
             View(self._eye) if self._walls or road.elevation else None
@@ -138,7 +138,7 @@ class Renderer:
             station_m=0.0 if station_m is None else station_m,
             t_s=t_s,
             motion=motion,
-            vehicles=_far_first(_enlarged(others, larger), pose),
+            vehicles=_far_first(_enlarge_poses(others, larger), pose),
             sun_bearing_rad=self._world.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad,
             seed=self.seed,
             relief=relief,
@@ -147,9 +147,9 @@ class Renderer:
         light = self._light_at(shot.station_m) if light is None else light
         grades = self._disturber.grades(shot.station_m) if self._disturber else {}
         if self._disturber and (grades or self._disturber.needs_light(shot.station_m, grades)):
-            return self._disturbed(self._disturber, image, shot, light, grades)
+            return self._disturb(self._disturber, image, shot, light, grades)
         self._draw(shot.vehicles, image, shot)
-        return self._expose(self._bent(image), shot, light)
+        return self._expose(self._bend(image), shot, light)
 
     def _ground_and_sky(
         self, pose: Pose, station_m: float | None
@@ -181,16 +181,14 @@ class Renderer:
             with behind(image, shot.surface_m, _distance((pose, body))):
                 draw_lead(image, camera_at(self._eye, shot.relief, *pose[:2]), body, pose)
 
-    def _bent(self, image: Image) -> Image:
+    def _bend(self, image: Image) -> Image:
         return np.asarray(self._lens.bend(image), np.uint8) if self._lens else image
 
     def _expose(self, image: Image, shot: Shot, light: Light, *, vignetted: bool = False) -> Image:
         bearing, noise = shot.sun_bearing_rad, (self.seed, shot.frame)
         return self._exposure.expose(image, light, sun_bearing_rad=bearing, seed=noise, vignetted=vignetted)
 
-    def _disturbed(
-        self, disturber: Disturber, image: Image, shot: Shot, light: Light, grades: Grade
-    ) -> Image:
+    def _disturb(self, disturber: Disturber, image: Image, shot: Shot, light: Light, grades: Grade) -> Image:
         """The frame from ``image`` (ground and sky) under the disturbances ``grades``."""
         still = _far_first(disturber.standing_near(shot.pose), shot.pose)
         self._draw(still, image, shot)
@@ -205,7 +203,7 @@ class Renderer:
             scene = disturber.through_lens(scene, shot, grades, self._exposure.vignette)
             image = disturber.develop(scene, shot, grades)
         else:
-            image = self._bent(image)
+            image = self._bend(image)
         return disturber.finish(self._expose(image, shot, light, vignetted=with_light), shot, grades)
 
     def prepaint(self) -> None:
@@ -223,7 +221,7 @@ class Renderer:
             size = (image.shape[1], (band.bottom - band.top) * band.rows_per_row)
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             drawn = cv2.warpPerspective(crop, matrix, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-            image[band.top : band.bottom] = _rows_averaged(np.asarray(drawn, np.uint8), band.rows_per_row)
+            image[band.top : band.bottom] = _average_rows(np.asarray(drawn, np.uint8), band.rows_per_row)
         far = image[self._far_rows]
         if len(far):
             far[:] = cv2.blendLinear(far, self._far_haze, 1 - self._far_share, self._far_share)
@@ -251,7 +249,7 @@ class Renderer:
         return Light(**blend)
 
 
-def _enlarged(placed: Sequence[tuple[Pose, T]], larger: float) -> list[tuple[Pose, T]]:
+def _enlarge_poses(placed: Sequence[tuple[Pose, T]], larger: float) -> list[tuple[Pose, T]]:
     return [((x * larger, y * larger, yaw), scaled_message(one, larger)) for (x, y, yaw), one in placed]
 
 
@@ -300,7 +298,7 @@ def _depth(camera: Camera, row: Array) -> Array:
     return np.hypot(*(camera.road_from_pixel(pixels) - (camera.x_m, camera.y_m)).T)
 
 
-def _rows_averaged(image: Image, count: int) -> Image:
+def _average_rows(image: Image, count: int) -> Image:
     if count == 1:
         return image
     total = image.reshape(len(image) // count, count, *image.shape[1:]).sum(axis=1, dtype=np.uint16)

@@ -86,18 +86,18 @@ def grades_at(disturbances: Sequence[Disturbance], station_m: float) -> dict[Dis
     return grades
 
 
-def disturbed(settings: RoadSettings, disturbances: Sequence[Disturbance]) -> RoadSettings:
+def disturb(settings: RoadSettings, disturbances: Sequence[Disturbance]) -> RoadSettings:
     """``settings`` with the disturbances that are painted on the ground. Idempotent.
 
     A disturbance that begins or ends within a section splits it; both parts keep its name.
     """
     for disturbance in disturbances:
         if disturbance.kind in PAINTED and disturbance.grade > 0:
-            settings = _repainted(settings, disturbance)
+            settings = _repaint(settings, disturbance)
     return settings
 
 
-def _repainted(settings: RoadSettings, disturbance: Disturbance) -> RoadSettings:
+def _repaint(settings: RoadSettings, disturbance: Disturbance) -> RoadSettings:
     length_m = sum(segment.length_m for segment in settings.segments)
     sections, from_m = _split(settings.sections, disturbance.from_m, length_m)
     sections, to_m = _split(sections, length_m if disturbance.to_m is None else disturbance.to_m, length_m)

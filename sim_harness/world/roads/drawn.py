@@ -132,7 +132,7 @@ def random_section(kind: MarkingKind, rng: np.random.Generator) -> Section:
             look = {"left": dashed, "right": line(Stroke.DASHED), "paved_right_m": 2.5}
             look |= {"left_lanes": (lane, far), "right_lanes": (far,)}
         case _:
-            look = _unmarked(kind, rng)
+            look = _unmarked_fields(kind, rng)
     return Section.model_validate(_ordinary(rng) | look | {"name": kind.value, "start_m": 0.0})
 
 
@@ -163,7 +163,7 @@ def _ordinary(rng: np.random.Generator) -> dict[str, object]:
     }
 
 
-def _unmarked(kind: MarkingKind, rng: np.random.Generator) -> dict[str, object]:
+def _unmarked_fields(kind: MarkingKind, rng: np.random.Generator) -> dict[str, object]:
     """A carriageway without markings, which is the lane."""
     look: dict[str, object] = {"left": NONE, "right": NONE, "paved_left_m": 0.0, "paved_right_m": 0.0}
     match kind:

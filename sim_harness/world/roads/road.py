@@ -258,14 +258,14 @@ class Road:
 
     def heading_at(self, station_m: float) -> float:
         """Heading of the reference line, not wrapped within one lap."""
-        station_m = self.wrapped(station_m)
+        station_m = self.wrap(station_m)
         start, _, _, heading, curvature, rate = self._interval_at(station_m)
         run = station_m - start
         return heading + run * (curvature + 0.5 * rate * run)
 
     def curvature_at(self, station_m: float) -> float:
         """Curvature [1/m] of the reference line, + = bends left."""
-        station_m = self.wrapped(station_m)
+        station_m = self.wrap(station_m)
         start, _, _, _, curvature, rate = self._interval_at(station_m)
         return curvature + rate * (station_m - start)
 
@@ -285,7 +285,7 @@ class Road:
     def section_share(self, station_m: float) -> float:
         """Position of a station within its section: 0 at the start, 1 at the end, clipped beyond an open road."""
         index = self._section_index(station_m)
-        run_m = self.wrapped(station_m) - self._section_starts[index]
+        run_m = self.wrap(station_m) - self._section_starts[index]
         return min(max(run_m / (self._section_ends[index] - self._section_starts[index]), 0.0), 1.0)
 
     def _section_index(self, station_m: float) -> int:
@@ -296,7 +296,7 @@ class Road:
         """The previous section, the section here, and its share (0..1), which rises over its first ``ramp_m``."""
         here = self.section_at(station_m)
         before = self.section_at(here.start_m - 1e-6)
-        run = self.wrapped(station_m) - here.start_m
+        run = self.wrap(station_m) - here.start_m
         return before, here, min(max(run / ramp_m, 0.0), 1.0)
 
     def local_coordinates(
@@ -323,14 +323,14 @@ class Road:
             station += within(step, MAX_STEP_M)
             if abs(step) < LAST_STEP_M:
                 break
-        return FootPoint(self.wrapped(station), offset, heading + curvature * step, curvature)
+        return FootPoint(self.wrap(station), offset, heading + curvature * step, curvature)
 
-    def wrapped(self, station_m: float) -> float:
+    def wrap(self, station_m: float) -> float:
         """The station within [0, length) on a closed road; unchanged on an open one."""
         return station_m % self.length_m if self.closed else station_m
 
     def _pose_at(self, station_m: float) -> tuple[float, float, float, float]:
-        station_m = self.wrapped(station_m)
+        station_m = self.wrap(station_m)
         return self._pose(self._interval_at(station_m), station_m)
 
     def _interval_at(self, station_m: float) -> list[float]:

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from cockpit.calibration.confidence import bandwidth, covariance, long_run
 from cockpit.calibration.drive_log import read_log
 from cockpit.calibration.identification import identify_understeer, settling, steady_curvature
-from cockpit.calibration.steering_response import followed, identify_response
+from cockpit.calibration.steering_response import follow_demand, identify_response
 from cockpit.calibration.vehicle_cli import app
 from trepid.config import ROOT, InputError
 from trepid.messages import Command, VehicleState
@@ -172,7 +172,7 @@ def test_the_model_of_the_steering_follows_as_the_car_does(rate_radps):
     for demand in demands:
         car.step(float(demand), 0.0, 0.01)
         angles.append(car.wheel_rad)
-    found = followed(demands, 0.0, 0.1, rate_radps, 0.01)
+    found = follow_demand(demands, 0.0, 0.1, rate_radps, 0.01)
     assert np.abs(found - angles).max() < (1e-12 if rate_radps == 3.0 else 5e-4)
 
 

@@ -8,7 +8,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from cockpit.car.init import FILES, TEMPLATES, Like, write_car
-from cockpit.car.template import merged
+from cockpit.car.template import merge
 from trepid.car.vehicle import Vehicle
 from trepid.cli import main
 from trepid.config import CAR, CONFIG_DIR, WHOLE_FILES, load, read, use_car
@@ -43,26 +43,26 @@ def uncommented(text: str) -> str:
 
 
 def test_every_field_becomes_a_comment() -> None:
-    text = merged(DEFAULT, "")
+    text = merge(DEFAULT, "")
     assert PLAIN.load(text) is None
     assert "#a_m: 1.0   # a metre" in text
     assert PLAIN.load(uncommented(text)) == PLAIN.load(DEFAULT)
 
 
 def test_a_field_of_the_template_stands_active_below_its_default() -> None:
-    text = merged(DEFAULT, "# mine\na_m: 5.0  # measured\n")
+    text = merge(DEFAULT, "# mine\na_m: 5.0  # measured\n")
     assert "#a_m: 1.0   # a metre\na_m: 5.0  # measured\n" in text
     assert PLAIN.load(text) == {"a_m": 5.0}
 
 
 def test_a_field_in_a_block_leaves_the_others_of_the_block_comments() -> None:
-    text = merged(DEFAULT, "block:\n  c_s: 9.0\n  new_s: 1.0\n")
+    text = merge(DEFAULT, "block:\n  c_s: 9.0\n  new_s: 1.0\n")
     assert PLAIN.load(text) == {"block": {"c_s": 9.0, "new_s": 1.0}}
     assert "#  b_s: 2.0" in text and "#  c_s: 3.0  # three seconds" in text
 
 
 def test_a_list_is_replaced_as_a_whole_and_a_new_field_is_kept() -> None:
-    text = merged(DEFAULT, "items:\n  - {x: 7}\nfurther: [1]\n")
+    text = merge(DEFAULT, "items:\n  - {x: 7}\nfurther: [1]\n")
     assert PLAIN.load(text) == {"items": [{"x": 7}], "further": [1]}
 
 

@@ -15,7 +15,7 @@ import pytest
 from recorded_rig import recorded
 
 from cockpit.export.drive import STALE_S, Drive
-from cockpit.export.film import drawn
+from cockpit.export.film import draw_frame
 from cockpit.export.frames import DrivenFrame, rate_of
 from cockpit.export.table import Table, table, times
 from cockpit.export.tub import write_tub
@@ -223,7 +223,7 @@ def test_a_person_is_drawn_in_the_very_frame_where_the_detector_found_it(tmp_pat
         out.add(ROAD_USERS.key, to_cdr(users), at_s=times_s[1] + 0.05)
     opened = Drive(path)
     without, shown = (
-        drawn(opened, t_s, np.full((240, 320, 3), 90, np.uint8), camera, vehicle) for t_s in times_s
+        draw_frame(opened, t_s, np.full((240, 320, 3), 90, np.uint8), camera, vehicle) for t_s in times_s
     )
     rows, columns = np.nonzero((without != shown).any(axis=2))
     feet_px = 2 * camera.pixel_from_road([[12.0, -1.5]])[0]  # the film is twice as wide as the picture

@@ -12,7 +12,7 @@ from message_rig import SHUTTLE, decision, estimate, state
 
 from cockpit.page.feed import Feed
 from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, PathHistory, Timelines
-from cockpit.page.hub import HEADER, Hub, Viewer, packed
+from cockpit.page.hub import HEADER, Hub, Viewer, pack_state
 from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px, people_px
 from cockpit.page.stop import RELEASE_S, REPEAT_S, UNDELIVERED_S, StopSender
 from cockpit.page.view import LATE_BEAT_S, PageView
@@ -136,7 +136,7 @@ def test_a_vehicle_ahead_at_a_distance_that_is_not_finite_is_absent(distance_m):
 
 
 def test_an_unknown_number_reaches_a_viewer_as_null_at_any_depth():
-    message = packed({"inputs": {"age": math.nan, "offset": 0.25}, "line": [(1.0, math.inf)]}, b"jpeg")
+    message = pack_state({"inputs": {"age": math.nan, "offset": 0.25}, "line": [(1.0, math.inf)]}, b"jpeg")
     (length,) = HEADER.unpack_from(message)
     assert json.loads(message[HEADER.size : HEADER.size + length]) == {
         "inputs": {"age": None, "offset": 0.25},
@@ -241,15 +241,15 @@ def test_a_stop_that_nobody_acknowledges_is_repeated_without_end_and_reported_as
     began_s, undelivered_s = air.now_s, []
     while air.now_s < began_s + 60.0:
         air.now_s += hub.turn()
-        if stop.undelivered:
+        if stop.is_undelivered:
             undelivered_s.append(air.now_s - began_s)
     assert air.stops[-1].stop and air.stops[-1].t_s > air.now_s - 2 * REPEAT_S
     assert undelivered_s[0] == pytest.approx(UNDELIVERED_S, abs=2 * REPEAT_S)
     assert undelivered_s == sorted(undelivered_s) and stop.pending
     stop.press(True)  # in despair, again
-    assert stop.undelivered
+    assert stop.is_undelivered
     stop.press(False)
-    assert not stop.undelivered and not air.stops[-1].stop
+    assert not stop.is_undelivered and not air.stops[-1].stop
 
 
 def test_a_viewer_learns_that_a_stop_is_not_delivered():

@@ -214,7 +214,7 @@ def test_rules_of_another_place_than_the_folder_of_the_car_are_not_replaced(tmp_
     try:
         use_car(car)
         desk = RuleDesk(other, other)
-        assert desk.fixed.endswith(f"copy it to {car / 'fear.yaml'}, and drive again")
+        assert desk.fixed_reason.endswith(f"copy it to {car / 'fear.yaml'}, and drive again")
         with pytest.raises(InputError, match="not in the folder of the car"):
             desk.apply("", "")
     finally:

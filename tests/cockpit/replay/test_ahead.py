@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cockpit.replay.ahead import estimated_ahead
+from cockpit.replay.ahead import estimate_ahead
 from trepid.config import ROOT, InputError
 
 
@@ -29,21 +29,21 @@ def started(monkeypatch: pytest.MonkeyPatch) -> "list[subprocess.Popen[bytes]]":
 def test_without_estimators_there_is_no_process(
     tmp_path: Path, started: "list[subprocess.Popen[bytes]]"
 ) -> None:
-    with estimated_ahead(tmp_path / "drive.mcap", [], ()) as ahead:
+    with estimate_ahead(tmp_path / "drive.mcap", [], ()) as ahead:
         assert next(ahead, "the end") == "the end"
     assert not started
 
 
 def test_what_the_process_cannot_read_is_an_input_error_of_the_starter(tmp_path: Path) -> None:
     absent = tmp_path / "drive.mcap"
-    with estimated_ahead(absent, ["cv"], ()) as ahead, pytest.raises(InputError, match=str(absent)):
+    with estimate_ahead(absent, ["cv"], ()) as ahead, pytest.raises(InputError, match=str(absent)):
         next(ahead)
 
 
 def test_a_process_that_is_killed_is_reported(
     tmp_path: Path, started: "list[subprocess.Popen[bytes]]"
 ) -> None:
-    with estimated_ahead(tmp_path / "drive.mcap", ["cv"], ()) as ahead:
+    with estimate_ahead(tmp_path / "drive.mcap", ["cv"], ()) as ahead:
         started[0].kill()
         with pytest.raises(InputError, match="ended too early, with exit code -9"):
             next(ahead)
@@ -52,7 +52,7 @@ def test_a_process_that_is_killed_is_reported(
 def test_the_process_ends_with_the_use_of_its_outputs(
     tmp_path: Path, started: "list[subprocess.Popen[bytes]]"
 ) -> None:
-    with estimated_ahead(tmp_path / "drive.mcap", ["cv"], ()):
+    with estimate_ahead(tmp_path / "drive.mcap", ["cv"], ()):
         pass
     assert [process.returncode for process in started] == [-signal.SIGKILL]
 

@@ -7,7 +7,7 @@ import pytest
 from drive_rig import made_dataset, write_tub
 
 from learning.dataset.dataset import NONE, Dataset
-from learning.dataset.join import joined
+from learning.dataset.join import join_datasets
 from learning.dataset.split import ALIKE_WHY, GAP
 
 DRIVE_FRAMES, BASE_FRAMES = 800, 400  # at 20 Hz
@@ -33,7 +33,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 @pytest.fixture(scope="module")
 def both(base: Dataset, drive: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """``base``, and the drive twice."""
-    return joined(tmp_path_factory.mktemp("both"), base, [drive, drive], command="join")
+    return join_datasets(tmp_path_factory.mktemp("both"), base, [drive, drive], command="join")
 
 
 def test_joined_data_sets_keep_their_images_and_what_was_tested(
@@ -80,4 +80,4 @@ def test_no_joined_frame_of_training_looks_like_one_of_validation_or_test(both: 
 def test_joining_again_gives_the_same_data_set(
     base: Dataset, drive: Dataset, both: Dataset, tmp_path: Path
 ) -> None:
-    assert joined(tmp_path / "again", base, [drive, drive], command="join").sha256 == both.sha256
+    assert join_datasets(tmp_path / "again", base, [drive, drive], command="join").sha256 == both.sha256

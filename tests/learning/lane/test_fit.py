@@ -7,8 +7,8 @@ torch = pytest.importorskip("torch", reason="training needs the extra: pip insta
 
 from learning.lane.fit import Recipe, largest_difference, train  # noqa: E402
 from learning.lane.network import SteerNetwork, command_row, export, loss  # noqa: E402
-from learning.lane.scores import Labelled  # noqa: E402
-from learning.lane.unlabelled import SelfTraining, Unlabelled  # noqa: E402
+from learning.lane.scores import LabelledFrames  # noqa: E402
+from learning.lane.unlabelled import SelfTraining, UnlabelledFrames  # noqa: E402
 from learning.unlike import attach  # noqa: E402
 from perception.net.canonical import crop_camera  # noqa: E402
 from perception.net.steer_net import Network  # noqa: E402
@@ -25,14 +25,14 @@ SPREAD = np.array([0.5, 0.08, 0.02, 0.02, 0.4], np.float32)
 TINY = load(CONFIG_DIR / "train.yaml", Recipe).model_copy(update=dict(batch=32, epochs=2, bfloat16=False))
 
 
-def stripes(count: int, seed: int) -> Labelled:
+def stripes(count: int, seed: int) -> LabelledFrames:
     rng = np.random.default_rng(seed)
     images = rng.integers(60, 120, (count, 66, 200, 3), dtype=np.uint8)
     lanes = (MIDDLE + rng.uniform(-1, 1, (count, 5)) * SPREAD).astype(np.float32)
     for image, offset in zip(images, lanes[:, 0], strict=True):
         column = int(100 + 120 * offset)
         image[:, column - 5 : column + 5] = 230
-    return Labelled(images, lanes, np.ones(count, bool))
+    return LabelledFrames(images, lanes, np.ones(count, bool))
 
 
 def bare() -> SteerNetwork:
@@ -92,7 +92,7 @@ def test_resuming_another_recipe_is_refused(tmp_path):
 def test_frames_without_labels_change_the_training_and_only_the_same_ones_continue_it(tmp_path):
     loose = SelfTraining(share=0.5, after=0.5, agree_deg=60.0, most_frames=100)
     recipe = TINY.model_copy(update=dict(self_training=loose))
-    drive = Unlabelled(stripes(40, 5).images, np.zeros(40, int))
+    drive = UnlabelledFrames(stripes(40, 5).images, np.zeros(40, int))
     alone, *_ = fit(tmp_path, recipe)
     whole, _, lines = fit(tmp_path, recipe, unlabelled=drive)
     assert "gives 0 of 40 frames" in lines[0] and "gives 40 of 40 frames" in lines[2]
@@ -105,7 +105,12 @@ def test_frames_without_labels_change_the_training_and_only_the_same_ones_contin
     with pytest.raises(KeyboardInterrupt):
         fit(tmp_path, recipe, unlabelled=drive, report=interrupt)
     with pytest.raises(InputError, match="other drives"):
-        fit(tmp_path, recipe, unlabelled=Unlabelled(stripes(40, 6).images, np.zeros(40, int)), resume=True)
+        fit(
+            tmp_path,
+            recipe,
+            unlabelled=UnlabelledFrames(stripes(40, 6).images, np.zeros(40, int)),
+            resume=True,
+        )
     resumed, *_ = fit(tmp_path, recipe, unlabelled=drive, resume=True)
     assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), resumed.parameters(), strict=True))
 

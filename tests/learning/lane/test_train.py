@@ -14,12 +14,12 @@ from learning.lane.frames import (
     MOUNTS,
     Mounts,
     TrainingShot,
+    change_mount,
     circuit_frames,
-    mounted,
     mounted_frames,
     random_frames,
 )
-from learning.lane.scores import Labelled
+from learning.lane.scores import LabelledFrames
 from learning.lane.train import train
 from learning.rendered import FIRST_ROAD, ROADS_PER_SEED
 from perception.net.canonical import CanonicalView, crop_camera, lane_of_row
@@ -44,7 +44,7 @@ def in_this_process(monkeypatch):
     )
 
 
-def frames(folder: Path, count: int, *, split: str = "train", reuse: bool = False) -> Labelled:
+def frames(folder: Path, count: int, *, split: str = "train", reuse: bool = False) -> LabelledFrames:
     return random_frames(SHOT, split, count, seed=1, folder=folder, reuse=reuse, report=silent)
 
 
@@ -69,7 +69,7 @@ def test_no_road_belongs_to_two_splits_or_seeds():
 
 def test_the_labels_are_those_of_the_rendered_frame():
     samples = list(road_samples(7, CAMERA, frames=2))
-    data = SHOT.labelled(samples)
+    data = SHOT.label_frames(samples)
     for lane, sample in zip(data.lanes, samples, strict=True):
         rate = (lane[3] - lane[2]) / SHOT.lookahead_m
         assert lane[:3] == pytest.approx(sample.lane[:3], abs=1e-6)
@@ -82,7 +82,7 @@ def test_the_labels_from_a_higher_camera_are_those_of_a_smaller_world():
     samples = list(road_samples(7, CAMERA, frames=2, ahead_m=15.0))
     view = CanonicalView(high, CANONICAL)
     for row, sample in zip(
-        TrainingShot(high, CANONICAL, 10.0, 2).labelled(samples).lanes, samples, strict=True
+        TrainingShot(high, CANONICAL, 10.0, 2).label_frames(samples).lanes, samples, strict=True
     ):
         lane, width_m = lane_of_row(row, 10.0)
         assert view.lane(lane)[:4] == pytest.approx(sample.lane[:4], abs=1e-5)
@@ -97,7 +97,7 @@ def test_roads_by_random_mounts_have_lanes_of_one_world_as_each_camera_shows_it(
         one = SHOT.part(seed)["lanes"][0]
         other = replace(SHOT, mounts=mounts).part(seed)["lanes"][0]
         ratios.append(float(one[4] / other[4]))
-        camera = mounted(CAMERA, height=ratios[-1], focal=1.0)
+        camera = change_mount(CAMERA, height=ratios[-1], focal=1.0)
         here, there = (CanonicalView(c, CANONICAL) for c in (CAMERA, camera))
         lanes = here.lane(lane_of_row(one, 10.0)[0]), there.lane(lane_of_row(other, 10.0)[0])
         assert lanes[1][:3] == pytest.approx(lanes[0][:3], abs=1e-4)

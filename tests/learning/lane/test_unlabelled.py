@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from learning.lane.scores import Prediction, PursuitTask
-from learning.lane.unlabelled import Unlabelled, none_of, read_drives, self_labelled
+from learning.lane.unlabelled import UnlabelledFrames, label_by_network, none_of, read_drives
 from perception.net.canonical import crop_camera
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
@@ -40,8 +40,8 @@ def network(images: np.ndarray, *, bias_m: float = 0.0, visible: float = 1.0) ->
 
 def labelled(images: np.ndarray, drives: list[int], **changes: float) -> np.ndarray:
     """Offsets that are given."""
-    frames = Unlabelled(images, np.array(drives))
-    found = self_labelled(lambda seen: network(seen, **changes), frames, TASK, agree_rad=AGREE_RAD)
+    frames = UnlabelledFrames(images, np.array(drives))
+    found = label_by_network(lambda seen: network(seen, **changes), frames, TASK, agree_rad=AGREE_RAD)
     assert len(found.images) == len(found.lanes) == len(found.visible) and found.visible.all()
     return found.lanes[:, 0]
 
@@ -61,18 +61,18 @@ def test_a_lane_that_is_not_mirrored_in_the_mirror_image_does_not_count():
 
 
 def test_a_road_has_to_be_visible_in_the_image_and_in_its_mirror_image():
-    frames = Unlabelled(drive(2, 2), np.array([0, 0]))
+    frames = UnlabelledFrames(drive(2, 2), np.array([0, 0]))
     for hidden in (0, 1):
         calls = iter([0, 1])
 
         def half_blind(images: np.ndarray, calls=calls, hidden=hidden) -> Prediction:
             return network(images, visible=0.4 if next(calls) == hidden else 1.0)
 
-        assert len(self_labelled(half_blind, frames, TASK, agree_rad=AGREE_RAD)) == 0
+        assert len(label_by_network(half_blind, frames, TASK, agree_rad=AGREE_RAD)) == 0
 
 
 def test_without_frames_there_are_no_labels():
-    assert len(self_labelled(network, none_of(CANONICAL), TASK, agree_rad=AGREE_RAD)) == 0
+    assert len(label_by_network(network, none_of(CANONICAL), TASK, agree_rad=AGREE_RAD)) == 0
 
 
 def test_frames_of_folders_and_images_are_read_as_drives_of_their_own(tmp_path: Path):
@@ -87,7 +87,7 @@ def test_frames_of_folders_and_images_are_read_as_drives_of_their_own(tmp_path: 
     assert found.drives.tolist() == [0, 0, 0, 1] and found.names == ("drive", "one.png")
     assert found.images[:, 30, 100].mean(axis=1).tolist() == [40, 41, 42, 90]
     assert found.digest != read_drives([folder], CANONICAL, most_frames=3).digest
-    assert found.digest != Unlabelled(found.images, np.array([0, 0, 1, 1])).digest
+    assert found.digest != UnlabelledFrames(found.images, np.array([0, 0, 1, 1])).digest
     cv2.imwrite(str(folder / "9.png"), np.full((60, 80, 3), 9, np.uint8))
     with pytest.raises(
         InputError, match=r"9\.png: 80 x 60 px, but the first image of the drive has 160 x 120 px"

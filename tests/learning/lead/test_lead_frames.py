@@ -116,14 +116,14 @@ def test_on_a_hill_the_label_is_where_the_visible_part_would_stand_on_a_plane():
 
 def test_an_exported_network_can_be_trained_further(tmp_path):
     torch = pytest.importorskip("torch")
-    from learning.lead.network import ExportedLeadNetwork, LeadNetwork, export, trained
+    from learning.lead.network import ExportedLeadNetwork, LeadNetwork, export, load_network
 
     torch.manual_seed(0)
     strips = torch.randint(0, 255, (STRIPS, ROWS, COLUMNS, 3), dtype=torch.uint8)
     network = LeadNetwork()
     network(strips)  # moves the normalisation from where it starts
     export(network.eval(), tmp_path / "lead_net.onnx")
-    again = trained(tmp_path / "lead_net.onnx")
+    again = load_network(tmp_path / "lead_net.onnx")
     with torch.no_grad():
         assert torch.allclose(
             ExportedLeadNetwork(again)(strips), ExportedLeadNetwork(network)(strips), atol=1e-4

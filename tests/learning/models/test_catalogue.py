@@ -16,8 +16,8 @@ from learning.models.imagenet import (  # noqa: E402
 )
 from learning.models.parts.heads import BINS, HEADS, Categorical  # noqa: E402
 from learning.models.parts.memory import LSTM, SimpleRNN  # noqa: E402
-from learning.models.parts.motion import Shift, Standardised  # noqa: E402
-from learning.models.parts.network import Exported, Size  # noqa: E402
+from learning.models.parts.motion import Shift, Standardisation  # noqa: E402
+from learning.models.parts.network import ExportedNetwork, Size  # noqa: E402
 from learning.models.parts.view import InputView  # noqa: E402
 from learning.models.parts.weights import load_trunk  # noqa: E402
 from trepid.config import InputError  # noqa: E402
@@ -71,7 +71,7 @@ def test_the_networks_for_a_small_computer_have_at_most_300_000_weights():
 @pytest.mark.parametrize("head", HEADS)
 def test_every_head_gives_a_finite_angle_and_a_positive_deviation(head):
     network = build("steer", height=24, width=32, head=head).eval()
-    angle, sigma = Exported(network)(frames(5, 24, 32))
+    angle, sigma = ExportedNetwork(network)(frames(5, 24, 32))
     assert angle.shape == sigma.shape == (5,)
     assert torch.isfinite(angle).all() and torch.isfinite(sigma).all() and (sigma > 0).all()
 
@@ -136,7 +136,7 @@ def test_frames_one_by_one_give_the_angle_of_their_sequence(name):
     images, state = frames(5, 32, 40), torch.zeros(1, network.memory.state_size)
     with torch.no_grad():
         for image in images:
-            angle, _, state = Exported(network)(image[None], state)
+            angle, _, state = ExportedNetwork(network)(image[None], state)
         wanted, _ = network.angle(network(images[None]))
     assert wanted.shape == (1, 1 if network.memory.last_alone else 5)
     assert torch.allclose(angle, wanted[0, -1:], atol=1e-6)
@@ -228,7 +228,7 @@ def test_the_size_of_a_network_is_rows_and_columns():
 
 
 def test_the_scale_of_the_shifts_is_that_of_the_training_and_not_of_a_batch():
-    scale, rng = Standardised(2).train(), torch.Generator().manual_seed(0)
+    scale, rng = Standardisation(2).train(), torch.Generator().manual_seed(0)
 
     def batch() -> torch.Tensor:
         return torch.randn(16, 2, generator=rng) * torch.tensor([2.0, 0.1]) + torch.tensor([0.0, 1.0])

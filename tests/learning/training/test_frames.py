@@ -162,7 +162,7 @@ def test_a_point_of_the_road_moves_in_the_image_as_the_camera_moves():
     point_m, left_m, turned_rad = np.array([8.0, 0.6]), 0.4, 0.05
     u, v = CAMERA.pixel_from_road(point_m)[0].round().astype(int)
     image[v - 1 : v + 2, u - 1 : u + 2] = 255
-    seen = augmenter().seen_from(image, left_m, turned_rad)
+    seen = augmenter().view_from(image, left_m, turned_rad)
     c, s = math.cos(turned_rad), math.sin(turned_rad)
     apart = point_m - (0.0, left_m)
     wanted = CAMERA.pixel_from_road([c * apart[0] + s * apart[1], -s * apart[0] + c * apart[1]])[0]

@@ -65,7 +65,7 @@ def test_wrong_checksums_and_counters_are_refused_and_lead_to_the_safe_state(sen
     acting = sending.steps(20, can_rig.command(0.3, 1.5), spoil=spoils[what])
     assert acting[-1].accel_mps2 == -3.5
     assert acting[-1].road_wheel_angle_rad == WHEEL_RAD
-    assert sending.ecu.refused() == {f"refused STEERING_LTA {what}": 20}
+    assert sending.ecu.refused_frames() == {f"refused STEERING_LTA {what}": 20}
 
 
 def test_the_end_of_the_engagement_is_the_safe_state(sending):

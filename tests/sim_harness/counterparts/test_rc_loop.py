@@ -7,7 +7,7 @@ import pytest
 from rc_rig import STEERING_CHANNEL, THROTTLE_CHANNEL, BoardOnPty, Time, board, car, chip_on, command, pca
 
 from controller.limiter import build as build_limiter
-from sim_harness.counterparts.rc_car import followed
+from sim_harness.counterparts.rc_car import motion_of
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import Scenario
 from trepid.car.vehicle import Vehicle
@@ -40,7 +40,7 @@ class Loop:
         applied = self.node.step(order, now_s if order else None, state, now_s=now_s)
         if applied.command is not None:
             self.actuator.write(applied.command, now_s=now_s)
-        acting = followed(
+        acting = motion_of(
             self.settings, self._pulses(now_s), self.speed_mps, VEHICLE.max_accel_mps2, now_s=now_s
         )
         measured, self.truth = self.car.step(acting, now_s, now_s=now_s)

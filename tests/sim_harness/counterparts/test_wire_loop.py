@@ -111,7 +111,7 @@ def test_the_car_stops_while_a_third_party_sends_wrong_counters(loop, foreign):
             foreign.frame(can_rig.commanded(can_rig.command()))  # its counter races
         loop.inject(foreign)
         truth = loop.step()
-    assert loop.ecu.refused()["refused STEERING_LTA counter"] > 50
+    assert loop.ecu.refused_frames()["refused STEERING_LTA counter"] > 50
     assert abs(truth.lateral_offset_m) < 0.1
     assert loop.speed_mps < 0.05
 

@@ -16,7 +16,7 @@ from perception.camera.odometry import StateOdometry
 from sim_harness.footage.estimate_cli import estimate
 from sim_harness.footage.fear_picture import with_lanes
 from sim_harness.footage.frame_fear import given_motion
-from sim_harness.footage.onlooker import Given, Onlooker
+from sim_harness.footage.onlooker import GivenSpeed, Onlooker
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
@@ -98,7 +98,9 @@ def test_a_log_of_speed_and_yaw_rate_measures_an_unknown_camera(tmp_path, capsys
 
 def test_the_lanes_of_both_estimators_are_drawn(folder):
     image = cv2.imread(str(folder / "30.png"))
-    onlooker = Onlooker(CAMERA, VEHICLE, Given(CAMERA, VEHICLE, lambda _: SPEED_MPS), cruise_speed_mps=None)
+    onlooker = Onlooker(
+        CAMERA, VEHICLE, GivenSpeed(CAMERA, VEHICLE, lambda _: SPEED_MPS), cruise_speed_mps=None
+    )
     seen = onlooker.step(Frame(t_s=0.0, image=image))
     both = with_lanes(image, seen)
     for name in ("cv", "cnn"):
@@ -144,7 +146,7 @@ def test_the_film_is_written(folder, tmp_path, capsys):
 
 
 def test_the_yaw_rate_of_a_straight_drive_is_measured_as_nearly_zero(folder):
-    state_of = Given(CAMERA, VEHICLE, lambda _: SPEED_MPS)
+    state_of = GivenSpeed(CAMERA, VEHICLE, lambda _: SPEED_MPS)
     images = [cv2.imread(str(folder / f"{number}.png")) for number in range(20)]
     states = [state_of(Frame(t_s=number / 25, image=image)) for number, image in enumerate(images)]
     assert abs(states[-1].yaw_rate_radps) < math.radians(2.0)
@@ -154,7 +156,7 @@ def test_the_yaw_rate_of_a_straight_drive_is_measured_as_nearly_zero(folder):
 
 
 def test_an_image_without_anything_to_track_has_no_yaw_rate():
-    state_of = Given(CAMERA, VEHICLE, lambda _: SPEED_MPS)
+    state_of = GivenSpeed(CAMERA, VEHICLE, lambda _: SPEED_MPS)
     grey = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
     state_of(Frame(t_s=0.0, image=grey))
     second = state_of(Frame(t_s=0.04, image=grey))
@@ -181,13 +183,15 @@ def test_a_log_measures_the_camera_by_what_it_contains(tmp_path, header, odometr
     rows = (",".join(row[:cells]) for row in (["10", "4", "0.0"], ["11", "6", "0.2"]))
     log.write_text("\n".join([header, *rows]))
     motion = given_motion(None, log)
-    states = Given(CAMERA, VEHICLE, motion.speed_mps_at, motion.yaw_radps_at, logged=motion.logged)
+    states = GivenSpeed(CAMERA, VEHICLE, motion.speed_mps_at, motion.yaw_radps_at, logged=motion.logged)
     assert states.odometry is odometry
 
 
 def test_a_constant_speed_measures_no_camera():
     motion = given_motion(8.0, None)
-    assert Given(CAMERA, VEHICLE, motion.speed_mps_at, logged=motion.logged).odometry is StateOdometry.NONE
+    assert (
+        GivenSpeed(CAMERA, VEHICLE, motion.speed_mps_at, logged=motion.logged).odometry is StateOdometry.NONE
+    )
 
 
 @pytest.mark.parametrize(("at_s", "known"), [(0.35, True), (1.1, False), (5.6, True), (600.0, False)])
@@ -197,7 +201,7 @@ def test_where_a_log_has_no_rows_the_motion_is_unknown(tmp_path, at_s, known):
     rows = "".join(f"{t:.1f},10,0.1\n" for t in times)
     log.write_text(f"t_s,speed_mps,yaw_rate_radps\n{rows}")
     motion = given_motion(None, log)
-    state = Given(CAMERA, VEHICLE, motion.speed_mps_at, motion.yaw_radps_at)
+    state = GivenSpeed(CAMERA, VEHICLE, motion.speed_mps_at, motion.yaw_radps_at)
     grey = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
     state(Frame(t_s=100.0, image=grey))
     found = state(Frame(t_s=100.0 + at_s, image=grey))
@@ -207,7 +211,7 @@ def test_where_a_log_has_no_rows_the_motion_is_unknown(tmp_path, at_s, known):
 
 
 def test_two_frames_of_one_time_measure_no_yaw_rate(folder):
-    state_of = Given(CAMERA, VEHICLE, lambda _: SPEED_MPS)
+    state_of = GivenSpeed(CAMERA, VEHICLE, lambda _: SPEED_MPS)
     image = cv2.imread(str(folder / "0.png"))
     assert state_of(Frame(t_s=1.0, image=image)).yaw_rate_radps == 0.0
     assert state_of(Frame(t_s=1.0, image=image)).yaw_rate_radps is None

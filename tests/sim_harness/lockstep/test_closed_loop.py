@@ -106,13 +106,13 @@ def test_a_car_with_a_valid_lane_keeps_it_and_arrives(name):
 
 
 def test_the_mirrored_road_is_driven_as_the_mirror_image(monkeypatch):
-    left = drive(load_scenario("curve_left_r15").shortened(20.0)).trace
+    left = drive(load_scenario("curve_left_r15").shorten(20.0)).trace
     noise = sim_harness.lockstep.sensors._standard_normal
     monkeypatch.setattr(
         "sim_harness.lockstep.sensors._standard_normal",
         lambda seed: ([speed, -angle, -yaw_rate] for speed, angle, yaw_rate in noise(seed)),
     )
-    right = drive(load_scenario("curve_right_r15").shortened(20.0)).trace
+    right = drive(load_scenario("curve_right_r15").shorten(20.0)).trace
     assert abs(left["yaw_rad"][-1] - left["yaw_rad"][0]) > 0.5, "the cars drive through the bend"
     for name in ("lateral_offset_m", "yaw_rad", "command.road_wheel_angle_rad", "decision.heading_error_rad"):
         np.testing.assert_allclose(left[name], -right[name], atol=1e-9)
@@ -146,20 +146,20 @@ def test_late_frames_are_older_when_they_are_used():
 
 
 def test_a_slow_vehicle_ahead_is_followed_at_a_distance():
-    result = drive(load_scenario("lead_slow").shortened(25.0))
+    result = drive(load_scenario("lead_slow").shorten(25.0))
     assert result.reasons == ()
     assert result.metrics.collisions == 0
     assert result.metrics.min_time_gap_s is not None
 
 
 def test_the_same_seed_gives_the_same_trace_and_another_seed_another_one():
-    scenario = load_scenario("s_curve").shortened(6.0)
+    scenario = load_scenario("s_curve").shorten(6.0)
     first, again, other = (drive(scenario, seed).trace.sha256 for seed in (5, 5, 6))
     assert first == again != other
 
 
 def test_the_trace_hash_covers_the_contents_of_the_columns():
-    trace = drive(load_scenario("s_curve").shortened(2.0)).trace
+    trace = drive(load_scenario("s_curve").shorten(2.0)).trace
     packed = b"".join(name.encode() + b"\0" + column.tobytes() for name, column in trace.columns.items())
     words = "".join("\0".join((name, *words)) for name, words in trace.words.items())
     assert trace.sha256 == hashlib.sha256(packed + words.encode()).hexdigest()
@@ -171,7 +171,7 @@ def test_a_row_has_the_fields_of_the_design_and_then_the_further_scores():
         collisions min_time_gap_s mean_speed_mps max_fear mean_fear modes causes engaged_percent
         stop_cause realtime_factor trace_sha256 waits_for"""
     further = [field.name for field in dataclasses.fields(FurtherMetrics)]
-    assert list(drive(load_scenario("straight").shortened(1.0)).row()) == [*fields.split(), *further]
+    assert list(drive(load_scenario("straight").shorten(1.0)).row()) == [*fields.split(), *further]
 
 
 DARK_FROM_THE_START = "[{kind: black_frames, from_s: 0}]"
@@ -187,7 +187,7 @@ DARK_FROM_THE_START = "[{kind: black_frames, from_s: 0}]"
 )
 def test_a_run_in_which_the_car_stands_passes_only_where_it_is_to_stand(changes, status, reasons):
     faults = changes.pop("faults", DARK_FROM_THE_START)
-    scenario = load_scenario("straight", {"faults": faults}).shortened(6.0)
+    scenario = load_scenario("straight", {"faults": faults}).shorten(6.0)
     scenario = scenario.model_copy(update={"expect": scenario.expect.model_copy(update=changes)})
     row = drive(scenario).row()
     assert (row["status"], len(row["reasons"])) == (status, len(reasons))
@@ -220,7 +220,7 @@ def test_with_the_true_lane_no_picture_is_rendered_and_the_lane_is_kept():
 
 
 def test_the_parts_of_a_scenario_are_built_where_none_are_given():
-    scenario = load_scenario("s_curve", {"sight": "truth"}).shortened(3.0)
+    scenario = load_scenario("s_curve", {"sight": "truth"}).shorten(3.0)
     given = run(scenario, parts=build_parts(scenario, seed=0))
     assert given.trace.sha256 == run(scenario).trace.sha256
 

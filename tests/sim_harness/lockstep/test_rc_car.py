@@ -37,7 +37,7 @@ def rc_car() -> Iterator[None]:
 @pytest.mark.usefixtures("rc_car")
 def test_the_rc_car_drives_the_first_bend_of_its_track_without_departure() -> None:
     scenario = load_scenario("circuit")
-    result = run(scenario.shortened(14.0), seed=0)
+    result = run(scenario.shorten(14.0), seed=0)
     assert result.metrics.departures == 0
     assert result.metrics.distance_m > 3.0
     assert result.metrics.max_lateral_error_m < 0.08
@@ -47,7 +47,7 @@ def test_the_rc_car_drives_the_first_bend_of_its_track_without_departure() -> No
 @pytest.mark.suite
 @pytest.mark.usefixtures("rc_car")
 def test_the_rc_car_reaches_three_metres_a_second_in_the_hall() -> None:
-    result = run(load_scenario("hall").shortened(12.0), seed=0)
+    result = run(load_scenario("hall").shorten(12.0), seed=0)
     assert result.metrics.departures == 0
     assert float(np.max(result.trace["speed_mps"])) > 2.9
     assert result.metrics.max_lateral_error_m < 0.05

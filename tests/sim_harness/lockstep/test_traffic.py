@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_harness.lockstep.traffic import Actor, Traffic, driven, lane_centre_m, least_jerk
+from sim_harness.lockstep.traffic import Actor, Traffic, lane_centre_m, least_jerk, speed_and_distance
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.scenarios.traffic import BODIES, TrafficVehicle
 
@@ -58,9 +58,9 @@ def test_braking_to_standstill_takes_v_over_a_seconds_and_v2_over_2a_metres():
 )
 @settings(max_examples=60, deadline=None)
 def test_a_ramp_of_speed_is_the_same_in_one_step_or_two(v0, v1, rate, total, cut):
-    at_once, distance_m = driven(v0, v1, rate, total)
-    between, first_m = driven(v0, v1, rate, cut * total)
-    after, second_m = driven(between, v1, rate, total - cut * total)
+    at_once, distance_m = speed_and_distance(v0, v1, rate, total)
+    between, first_m = speed_and_distance(v0, v1, rate, cut * total)
+    after, second_m = speed_and_distance(between, v1, rate, total - cut * total)
     assert after == pytest.approx(at_once, abs=1e-9)
     assert first_m + second_m == pytest.approx(distance_m, abs=1e-7)
 

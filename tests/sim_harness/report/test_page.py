@@ -13,7 +13,7 @@ from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.report.film import Film, run_filmed
 from sim_harness.report.page import MAX_FILMS, MAX_OTHER_PICTURES, Page
-from sim_harness.report.summary import coded, kept_samples, summarise, worst_sample
+from sim_harness.report.summary import code_differences, kept_samples, summarise, worst_sample
 from sim_harness.scenarios.scenario import load_scenario
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -32,7 +32,7 @@ def decoded(code):
 
 @pytest.fixture(scope="module")
 def scenario():
-    return load_scenario("straight", {"start.speed_mps": "6"}).shortened(3.0)
+    return load_scenario("straight", {"start.speed_mps": "6"}).shorten(3.0)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_filming_changes_nothing(scenario, filmed):
 
 def test_numbers_survive_their_coding_to_half_a_step():
     values = np.array([np.nan, 3.14159, -2.0, np.nan, np.nan, 5e-4, np.inf])
-    assert decoded(coded(values, 0.01)) == pytest.approx(
+    assert decoded(code_differences(values, 0.01)) == pytest.approx(
         [np.nan, 3.14159, -2, np.nan, np.nan, 0, np.nan], abs=0.005, nan_ok=True
     )
 
@@ -267,7 +267,7 @@ def test_a_run_without_timelines_shows_a_note_and_a_second_click_closes_it(brows
 @pytest.fixture(scope="module")
 def overtaken():
     """A run with another vehicle ahead, and what its report shows of it."""
-    scenario = load_scenario("cut_in", {}).shortened(6.0)
+    scenario = load_scenario("cut_in", {}).shorten(6.0)
     result, film = run_filmed(scenario, seed=2)
     return result, film, summarise(scenario, result, film)
 

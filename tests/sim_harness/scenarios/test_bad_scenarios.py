@@ -284,7 +284,7 @@ def loads_or_is_told(path):
 
 def starts(scenario):
     """The scenario runs its first moments, without pictures."""
-    data = scenario.shortened(0.1).model_dump(mode="json", exclude_unset=True)
+    data = scenario.shorten(0.1).model_dump(mode="json", exclude_unset=True)
     kept = [f for f in data.get("faults", []) if f["kind"] not in ("frozen_camera", "black_frames")]
     run(Scenario.model_validate({**data, "sight": "truth", "disturbances": [], "faults": kept, "vary": {}}))
 

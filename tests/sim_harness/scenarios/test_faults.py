@@ -32,7 +32,7 @@ def test_a_fault_is_there_from_its_beginning_until_just_before_its_end():
 
 
 def test_a_bias_changes_offset_heading_curvature_and_confidence():
-    changed = bias(lateral_m=0.5, heading_rad=-0.01, curvature_1pm=0.02, confidence=0.99).falsified(
+    changed = bias(lateral_m=0.5, heading_rad=-0.01, curvature_1pm=0.02, confidence=0.99).falsify(
         SEEN, wheelbase_m=WHEELBASE_M
     )
     shifted = (changed.lateral_offset_m, changed.heading_error_rad, changed.curvature_1pm)
@@ -41,12 +41,12 @@ def test_a_bias_changes_offset_heading_curvature_and_confidence():
 
 
 def test_a_bias_without_confidence_keeps_that_of_the_estimate():
-    assert bias(lateral_m=0.5).falsified(SEEN, wheelbase_m=WHEELBASE_M).confidence == SEEN.confidence
+    assert bias(lateral_m=0.5).falsify(SEEN, wheelbase_m=WHEELBASE_M).confidence == SEEN.confidence
 
 
 def test_a_bias_leaves_an_estimate_without_a_lane_unchanged():
     nothing = SteeringEstimate.nothing(1.0, estimator="cv", lookahead_m=8.0, reason="dark")
-    assert bias(lateral_m=0.5, confidence=1.0).falsified(nothing, wheelbase_m=WHEELBASE_M) is nothing
+    assert bias(lateral_m=0.5, confidence=1.0).falsify(nothing, wheelbase_m=WHEELBASE_M) is nothing
 
 
 def angle_of(lane: SteeringEstimate) -> float:
@@ -73,8 +73,8 @@ def of_kind_angle(angle_rad: float | None) -> SteeringEstimate:
     ],
 )
 def test_a_bias_turns_an_angle_as_it_turns_the_angle_of_the_lane(fields):
-    wrong_lane = bias(**fields).falsified(SEEN, wheelbase_m=WHEELBASE_M)
-    changed = bias(**fields).falsified(of_kind_angle(angle_of(SEEN)), wheelbase_m=WHEELBASE_M)
+    wrong_lane = bias(**fields).falsify(SEEN, wheelbase_m=WHEELBASE_M)
+    changed = bias(**fields).falsify(of_kind_angle(angle_of(SEEN)), wheelbase_m=WHEELBASE_M)
     assert changed.road_wheel_angle_rad == pytest.approx(angle_of(wrong_lane))
     assert changed.confidence == wrong_lane.confidence
     assert changed.lateral_offset_m is changed.heading_error_rad is changed.curvature_1pm is None
@@ -82,7 +82,7 @@ def test_a_bias_turns_an_angle_as_it_turns_the_angle_of_the_lane(fields):
 
 def test_a_bias_leaves_an_estimate_without_an_angle_unchanged():
     nothing = of_kind_angle(None)
-    assert bias(lateral_m=0.5, confidence=1.0).falsified(nothing, wheelbase_m=WHEELBASE_M) is nothing
+    assert bias(lateral_m=0.5, confidence=1.0).falsify(nothing, wheelbase_m=WHEELBASE_M) is nothing
 
 
 @pytest.mark.parametrize(

@@ -166,16 +166,16 @@ def test_a_plant_may_differ_from_the_vehicle_of_the_controller():
 
 
 def test_a_shortened_scenario_keeps_only_the_expectations_that_still_apply():
-    short = load_scenario("circuit").shortened(20.0)
+    short = load_scenario("circuit").shorten(20.0)
     assert (short.duration_s, short.expect.must_finish, short.expect.min_mean_speed_mps) == (
         20.0,
         False,
         None,
     )
     assert short.expect.max_lateral_accel_mps2 == load_scenario("circuit").expect.max_lateral_accel_mps2
-    assert load_scenario("circuit").shortened(1e4) == load_scenario("circuit")
-    assert load_scenario("frozen_camera").shortened(10.0).expect.must_stop_by_s is None
-    assert load_scenario("frozen_camera").shortened(20.0).expect.must_stop_by_s == 18.0
+    assert load_scenario("circuit").shorten(1e4) == load_scenario("circuit")
+    assert load_scenario("frozen_camera").shorten(10.0).expect.must_stop_by_s is None
+    assert load_scenario("frozen_camera").shorten(20.0).expect.must_stop_by_s == 18.0
 
 
 def test_a_python_script_makes_scenarios(tmp_path):

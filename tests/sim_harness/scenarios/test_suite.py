@@ -64,7 +64,7 @@ def from_standstill(scenario):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scenario_runs_its_first_moments(scenarios, name):
-    result = run(on_the_true_lane(from_standstill(scenarios[name].shortened(0.2))))
+    result = run(on_the_true_lane(from_standstill(scenarios[name].shorten(0.2))))
     assert result.metrics.duration_s == pytest.approx(0.2)
     assert (result.metrics.departures, result.metrics.collisions) == (0, 0)
 

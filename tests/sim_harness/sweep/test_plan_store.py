@@ -7,7 +7,7 @@ import pytest
 
 from sim_harness.scenarios.sampling import Case
 from sim_harness.scenarios.scenario import Scenario
-from sim_harness.sweep.outcome import crashed
+from sim_harness.sweep.outcome import crash_outcome
 from sim_harness.sweep.plan import by_seeds, plan
 from sim_harness.sweep.plan_store import PlanStore
 from trepid.config import InputError
@@ -16,7 +16,13 @@ SCENARIO = Scenario(name="s", description="a second", tags=["nominal"], road="st
 
 
 def row(seed=0, sha="abc", **fields):
-    return {**crashed(case(seed), "-").row, "status": "passed", "reasons": [], "trace_sha256": sha, **fields}
+    return {
+        **crash_outcome(case(seed), "-").row,
+        "status": "passed",
+        "reasons": [],
+        "trace_sha256": sha,
+        **fields,
+    }
 
 
 def case(seed):
@@ -65,7 +71,7 @@ def test_crashed_cases_and_those_of_other_code_are_run_again(tmp_path, planned):
     with store(tmp_path / "runs.jsonl", planned) as runs:
         assert (runs.done, runs.outdated) == ({}, 2)
         runs.add(second, row(1, "new"))
-        runs.add(third, crashed(case(2), "crashed").row)
+        runs.add(third, crash_outcome(case(2), "crashed").row)
     with store(tmp_path / "runs.jsonl", planned) as runs:
         assert runs.done == {second: row(1, "new")}
         assert (runs.outdated, runs.crashed) == (1, 1)
@@ -118,7 +124,7 @@ def test_parquet_has_a_row_a_case_and_a_column_a_parameter(tmp_path, planned, ou
     with store(tmp_path / out, planned) as runs:
         runs.add(first, row(0, modes={"KEEP": 1.5, "STOP": 0.5}, parameters={"road": "a", "x": 1}))
         runs.add(second, row(1, modes={}, parameters={"road": 2, "x": 0.5}))
-        runs.add(third, crashed(case(2), "crashed: it fell").row)
+        runs.add(third, crash_outcome(case(2), "crashed: it fell").row)
     table = pyarrow.parquet.read_table(runs.parquet).to_pylist()
     assert [line["seed"] for line in table] == [0, 1, 2]
     assert dict(table[0]["modes"]) == {"KEEP": 1.5, "STOP": 0.5}

@@ -169,7 +169,7 @@ def test_without_cases_nothing_is_started():
 
 
 def test_a_scenario_with_pictures_gives_the_same_trace_in_other_processes():
-    planned = plan(by_seeds([load_scenario("curve_left_r15").shortened(1.0)], (3, 4)))
+    planned = plan(by_seeds([load_scenario("curve_left_r15").shorten(1.0)], (3, 4)))
     assert rows(in_this_process(planned)) == rows(on_processes(planned, 2))
 
 

@@ -18,9 +18,9 @@ from ruamel.yaml import YAML
 
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.sweep.plan import Plan, by_seeds, plan
-from sim_harness.tuning.cli import check_start, difference, drawn, invalid_because, tune
+from sim_harness.tuning.cli import check_start, difference, draw_cases, invalid_because, tune
 from sim_harness.tuning.numbers import NumberedText
-from sim_harness.tuning.score import Fearless, driven_by, fearless, reference, score
+from sim_harness.tuning.score import Fearless, cases_with_rules, fearless, reference, score
 from sim_harness.tuning.settings import Span, TuneSettings, parse_vary
 from supervisor.rules.inference import FearRules
 from supervisor.rules.sentence import load_rules
@@ -46,14 +46,14 @@ def quick_plan() -> Plan:
 
 def test_the_default_tuned_numbers_are_in_the_shipped_file_and_setting_them_unchanged_keeps_it() -> None:
     check_start(FILE, dict(SETTINGS.parameters))
-    same = TEXT.changed({name: TEXT.value(name) for name in SETTINGS.parameters})
+    same = TEXT.change_numbers({name: TEXT.value(name) for name in SETTINGS.parameters})
     assert data(same) == data(TEXT.text)
     assert same.count("\n") == TEXT.text.count("\n")
 
 
 @pytest.mark.parametrize("value", [0.26, 0.3333, 0.44])
 def test_only_the_number_changes_in_all_the_sets_where_it_stands(value: float) -> None:
-    changed = TEXT.changed({CORNER: value})
+    changed = TEXT.change_numbers({CORNER: value})
     old, new = TEXT.text.splitlines(), changed.splitlines()
     differing = [i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b]
     assert len(differing) <= 3
@@ -83,14 +83,14 @@ def test_a_sentence_gets_its_weight_at_the_place_of_the_grammar(
     path.write_text(f"rules:\n  - {quote}{sentence}{quote}  # why\n")
     text = NumberedText(path)
     assert text.value("rules.0.weight") == (0.9 if "0.9" in sentence else 1.0)
-    assert text.changed({"rules.0.weight": 0.4}) == f"rules:\n  - {quote}{expected}{quote}  # why\n"
+    assert text.change_numbers({"rules.0.weight": 0.4}) == f"rules:\n  - {quote}{expected}{quote}  # why\n"
 
 
 def test_a_weight_in_the_shipped_file_can_be_set_and_is_parsed(tmp_path: Path) -> None:
     path = tmp_path / "fear.yaml"
     _, rules = load_rules(FILE)
     for number in (0, 7, len(rules) - 2):
-        path.write_text(TEXT.changed({f"rules.{number}.weight": 0.25}))
+        path.write_text(TEXT.change_numbers({f"rules.{number}.weight": 0.25}))
         changed = load_rules(path)[1]
         assert [r.weight for r in changed] == [0.25 if i == number else r.weight for i, r in enumerate(rules)]
 
@@ -122,7 +122,7 @@ def test_a_bad_span_is_refused(text: str) -> None:
 def test_values_are_rounded_within_their_range(low: float, width: float, share: float) -> None:
     span = Span(low=low, high=low + width)
     value = low + share * width
-    rounded = span.rounded(value)
+    rounded = span.round_value(value)
     assert span.low <= rounded <= span.high
     assert abs(rounded - value) <= width / 100
 
@@ -132,7 +132,7 @@ def test_the_reference_drives_without_the_consequences_of_fear_and_records_the_i
 ) -> None:
     path = fearless(FILE, tmp_path)
     assert FearRules.load(path).speed_factor(0.99) == 1.0
-    (case,) = driven_by(path, quick_plan())
+    (case,) = cases_with_rules(path, quick_plan())
     drive = reference(case)
     fear = drive.fear_trace(FearRules.load(FILE))["decision.fear"]
     assert len(fear) == len(drive.t_s) > 150
@@ -141,7 +141,7 @@ def test_the_reference_drives_without_the_consequences_of_fear_and_records_the_i
 
 def test_a_score_counts_the_costs_of_fear(tmp_path: Path) -> None:
     planned = quick_plan()
-    drives = [reference(case) for case in driven_by(fearless(FILE, tmp_path), planned)]
+    drives = [reference(case) for case in cases_with_rules(fearless(FILE, tmp_path), planned)]
     found = score(FILE, planned, drives, SETTINGS.costs)
     assert 0.0 < found.speed_loss < 0.5
     assert found.departures == 0
@@ -152,7 +152,7 @@ def test_a_score_counts_the_costs_of_fear(tmp_path: Path) -> None:
         + (0.0 if found.auroc is None else costs.missed_warning * (1 - found.auroc))
     )
     braver = tmp_path / "braver.yaml"
-    braver.write_text(TEXT.changed({"fear.medium.speed_factor": 0.99, "fear.high.speed_factor": 0.9}))
+    braver.write_text(TEXT.change_numbers({"fear.medium.speed_factor": 0.99, "fear.high.speed_factor": 0.9}))
     assert score(braver, planned, drives, costs).cost < found.cost
 
 
@@ -176,15 +176,15 @@ def test_a_run_that_raises_an_error_is_not_a_score_of_the_rules() -> None:
 
 def test_the_diff_shows_the_changed_lines_only() -> None:
     diff = difference(
-        TEXT.text, TEXT.changed({"hysteresis.band": 0.07}), "fear.yaml", "new.yaml"
+        TEXT.text, TEXT.change_numbers({"hysteresis.band": 0.07}), "fear.yaml", "new.yaml"
     ).splitlines()
     assert [line[0] for line in diff] == ["-", "+", "@", "-", "+"]
     assert "0.07" in diff[-1] and diff[-1].endswith(diff[-2][diff[-2].index("#") :])
 
 
 def test_the_validation_cases_differ_from_the_tuned_cases() -> None:
-    assert not set(drawn({}, 3, ["lying_cv"], 0)) & set(drawn({}, 3, ["lying_cv"], 1))
-    assert set(drawn({}, 3, ["lying_cv"], 0)) == set(drawn({}, 3, ["lying_cv"], 0))
+    assert not set(draw_cases({}, 3, ["lying_cv"], 0)) & set(draw_cases({}, 3, ["lying_cv"], 1))
+    assert set(draw_cases({}, 3, ["lying_cv"], 0)) == set(draw_cases({}, 3, ["lying_cv"], 0))
 
 
 def test_invalid_input_is_refused_before_the_first_run(tmp_path: Path) -> None:
@@ -216,9 +216,9 @@ def test_at_least_four_of_five_candidates_of_the_default_ranges_pass_the_checks(
     rng, good = np.random.default_rng(0), 0
     for _ in range(20):
         spans = SETTINGS.parameters.items()
-        values = {name: span.rounded(rng.uniform(span.low, span.high)) for name, span in spans}
+        values = {name: span.round_value(rng.uniform(span.low, span.high)) for name, span in spans}
         path = tmp_path / "candidate.yaml"
-        path.write_text(TEXT.changed(values), encoding="utf-8")
+        path.write_text(TEXT.change_numbers(values), encoding="utf-8")
         try:
             good += not verify(FearRules.load(path)).problems
         except InputError:

@@ -4,7 +4,7 @@ import can_rig
 import pytest
 from process_rig import until
 
-from sim_harness.counterparts.ackermann_driver import QUICKEST_MPS2, SAFE_DECEL_MPS2, followed
+from sim_harness.counterparts.ackermann_driver import QUICKEST_MPS2, SAFE_DECEL_MPS2, motion_of
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock
 from trepid.messages import Command, Odometry, VehicleState
@@ -155,16 +155,16 @@ def test_an_odometry_comes_through_the_wire_format():
 @pytest.mark.parametrize(("t_s", "age_s", "acts"), [(1.0, 0.05, True), (1.0, 0.2, False), (None, 0.0, False)])
 def test_the_driver_brakes_without_fresh_commands_on_a_frame(t_s, age_s, acts):
     command = can_rig.command(0.1, 1.0, t_s=t_s)
-    assert followed(command, age_s, 3.0).accel_mps2 == (1.0 if acts else -SAFE_DECEL_MPS2)
-    assert followed(command, age_s, 3.0).road_wheel_angle_rad == 0.1
+    assert motion_of(command, age_s, 3.0).accel_mps2 == (1.0 if acts else -SAFE_DECEL_MPS2)
+    assert motion_of(command, age_s, 3.0).road_wheel_angle_rad == 0.1
 
 
 @pytest.mark.parametrize("demand_mps2", [-2.0, -0.5, 0.5, 1.5])
 def test_the_driver_does_what_was_demanded_before_the_wire(demand_mps2):
     demanded = can_rig.command(0.1, demand_mps2, 8.0)
-    assert followed(of_standard(demanded, 5.0), 0.0, 5.0).accel_mps2 == demand_mps2
-    assert followed(demanded, 0.0, 5.0, signed=True) == demanded
+    assert motion_of(of_standard(demanded, 5.0), 0.0, 5.0).accel_mps2 == demand_mps2
+    assert motion_of(demanded, 0.0, 5.0, signed=True) == demanded
 
 
 def test_an_acceleration_of_zero_is_the_quickest_change():
-    assert followed(can_rig.command(0.1, 0.0, 2.0), 0.0, 5.0).accel_mps2 == -QUICKEST_MPS2
+    assert motion_of(can_rig.command(0.1, 0.0, 2.0), 0.0, 5.0).accel_mps2 == -QUICKEST_MPS2

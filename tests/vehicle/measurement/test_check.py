@@ -47,7 +47,7 @@ def driven(
     for k in range(round(duration_s / PERIOD_S)):
         now_s = k * PERIOD_S
         noise = 1.0 + 1e-6 * math.sin(1000.0 * k)
-        true = model.measured(pose, now_s)
+        true = model.measure(pose, now_s)
         seen = replace(
             true,
             speed_mps=true.speed_mps * noise,

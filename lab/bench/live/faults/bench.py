@@ -18,7 +18,7 @@ import numpy as np
 
 from lab.bench.chosen import known_names
 from lab.bench.live.faults.catalogue import FAULTS, WIRES, Act, Fault
-from lab.bench.live.faults.flow import BY_ITSELF, KEPT, NOT_AT_ALL, RENEWED, driven
+from lab.bench.live.faults.flow import BY_ITSELF, KEPT, NOT_AT_ALL, RENEWED, drive_faults
 from sim_harness.sweep.fingerprint import fingerprint, import_closure
 from sim_harness.sweep.progress import SweepProgress
 from sim_harness.sweep.store import Row, Store
@@ -96,7 +96,7 @@ def drive_all(left: list[Task], jobs: int, keep: Callable[[Row], None]) -> None:
                     batch = next_drive(left)
                     left = [task for task in left if task not in batch]
                     wire, faults = batch[0][0], [task[1:] for task in batch]
-                    running[pool.submit(driven, wire, faults, interrupted)] = batch
+                    running[pool.submit(drive_faults, wire, faults, interrupted)] = batch
                 ended = wait(running, return_when=FIRST_COMPLETED).done
                 rows_of = {drive: [] if drive.exception() else drive.result() for drive in ended}
                 for row in chain.from_iterable(rows_of.values()):

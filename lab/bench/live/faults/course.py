@@ -90,23 +90,23 @@ def processes(wire: str, control: Path) -> dict[str, Any]:
     """The processes of the drive; each runs its real module within :mod:`lab.bench.live.faults.inside`."""
     once = {"restart": "never"}  # a simulated car does not begin anew
 
-    def hosted(module: str, publishes: list[str], **options: Any) -> dict[str, Any]:
+    def host(module: str, publishes: list[str], **options: Any) -> dict[str, Any]:
         options |= {"hosted": module, "control": str(control)}
         return {"module": MODULE, "options": options} | ({"publishes": publishes} if publishes else {})
 
     found = {
-        name: hosted(module, PUBLISHED.get(name, []), **options)
+        name: host(module, PUBLISHED.get(name, []), **options)
         for name, (module, options) in PERCEPTION.items()
     }
-    found["camera"] = hosted("sim_harness.live.camera_node", PUBLISHED["camera"])
+    found["camera"] = host("sim_harness.live.camera_node", PUBLISHED["camera"])
     if wire == CAN:
-        found["vehicle"] = hosted("vehicle.actuators.node", ["vehicle/state"])
-        found["ecu"] = hosted("sim_harness.counterparts.ecu", ["sim/truth"], applied="ecu") | once
+        found["vehicle"] = host("vehicle.actuators.node", ["vehicle/state"])
+        found["ecu"] = host("sim_harness.counterparts.ecu", ["sim/truth"], applied="ecu") | once
         for name, priority in REALTIME.items():
             found[name]["options"]["realtime"] = priority
     else:
         found["vehicle"] = (
-            hosted("sim_harness.live.vehicle_node", ["vehicle/state", "sim/truth"], applied="limiter") | once
+            host("sim_harness.live.vehicle_node", ["vehicle/state", "sim/truth"], applied="limiter") | once
         )
     return found
 

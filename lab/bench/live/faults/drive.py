@@ -40,11 +40,11 @@ HEARD = (
 IN_NAMESPACE = 'mount -t tmpfs -o size={size}m trepid "$0" && exec "$@"'
 
 
-class Ended(Exception):
+class DriveEnded(Exception):
     """The drive has ended."""
 
 
-class Interrupted(Exception):
+class BenchInterrupted(Exception):
     """The benchmark is to end before the drive does."""
 
 
@@ -96,7 +96,7 @@ class FaultDrive(DriveProgram):
     def poll(self) -> None:
         """Take what was published meanwhile. Raises Ended, Interrupted."""
         if self._interrupted.is_set():
-            raise Interrupted
+            raise BenchInterrupted
         time.sleep(POLL_S)
         events = self.events
         for key, data, t_s in self._tap.drain():
@@ -116,7 +116,7 @@ class FaultDrive(DriveProgram):
             else:
                 events.published_s[key].append(t_s)
         if self.popen.poll() is not None:
-            raise Ended
+            raise DriveEnded
 
     def pid(self, name: str) -> int:
         """The process ``name``, or the launcher. Raises Ended when it does not run."""
@@ -124,7 +124,7 @@ class FaultDrive(DriveProgram):
             return self.popen.pid
         found = self.pids()
         if name not in found:
-            raise Ended
+            raise DriveEnded
         return found[name]
 
     def order(self, name: str, order: Order) -> None:
@@ -161,7 +161,7 @@ class FaultDrive(DriveProgram):
         Call it after a fault that ends the drive, or after :meth:`interrupt`.
         """
         began_s = time.monotonic()
-        with suppress(Ended):
+        with suppress(DriveEnded):
             while time.monotonic() - began_s < END_S:
                 self.poll()
         hung = self.popen.poll() is None
@@ -181,7 +181,7 @@ class FaultDrive(DriveProgram):
         """Processes that run GONE_S after the launcher; after its kill they may stop the car before."""
         until_s = time.monotonic() + GONE_S + (STOP_S if self.killed_launcher else 0.0)
         while (left := self.pids()) and time.monotonic() < until_s:
-            with suppress(Ended):
+            with suppress(DriveEnded):
                 self.poll()
         return left
 

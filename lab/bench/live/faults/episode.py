@@ -1,4 +1,4 @@
-"""One fault, from its injection to its end, judged from stamped events (:func:`judged`)."""
+"""One fault, from its injection to its end, judged from stamped events (:func:`judge_episode`)."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -69,7 +69,7 @@ def _first_gap_s(times_s: list[float], period_s: float, *, from_s: float) -> flo
     return None
 
 
-def braked_s(applied: list[tuple[float, float]], *, injected_s: float) -> float | None:
+def braking_time_s(applied: list[tuple[float, float]], *, injected_s: float) -> float | None:
     """When the first command of the brake acted on the car after ``injected_s`` [s]; None: it was not braked.
 
     The brake is harder by BRAKING_MPS2 than any in the CALM_S before. It begins with the first command of the ramp
@@ -92,12 +92,12 @@ def braked_s(applied: list[tuple[float, float]], *, injected_s: float) -> float 
     return None
 
 
-def judged(fault: Fault, events: Events, *, injected_s: float) -> Row:
+def judge_episode(fault: Fault, events: Events, *, injected_s: float) -> Row:
     """The figures of one episode; times in ms, None where there is none."""
     after = [place for place in events.places if place.t_s >= injected_s]
     before = [place.departures for place in events.places if place.t_s < injected_s]
     seen_s = observable_s(fault, events, injected_s=injected_s)
-    began_s = braked_s(events.applied, injected_s=injected_s)
+    began_s = braking_time_s(events.applied, injected_s=injected_s)
     stood_s = next((place.t_s for place in after if place.speed_mps < STANDING_MPS), None)
     reaction_ms = None if began_s is None or seen_s is None else 1e3 * (began_s - seen_s)
     return {

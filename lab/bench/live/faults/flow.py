@@ -12,8 +12,8 @@ from pathlib import Path
 from lab.bench.live.faults.acts import inject
 from lab.bench.live.faults.catalogue import Fault
 from lab.bench.live.faults.course import SPEED_MPS
-from lab.bench.live.faults.drive import Ended, FaultDrive, driving
-from lab.bench.live.faults.episode import CALM_S, Row, judged
+from lab.bench.live.faults.drive import DriveEnded, FaultDrive, driving
+from lab.bench.live.faults.episode import CALM_S, Row, judge_episode
 from trepid.config import InputError
 
 CRUISE_SHARE = 0.93
@@ -29,7 +29,7 @@ PHASE_S = 0.1  # injections are spread over this time, longer than any period
 BY_ITSELF, RENEWED, NOT_AT_ALL, KEPT = "by itself", "after a new start", "no", "never stopped"
 
 
-def driven(wire: str, faults: Iterable[tuple[Fault, int]], interrupted: threading.Event) -> list[Row]:
+def drive_faults(wire: str, faults: Iterable[tuple[Fault, int]], interrupted: threading.Event) -> list[Row]:
     """Drive on ``wire`` and inject the faults in turns, each with its number; the rows of those that were injected.
 
     A fault that ends the drive comes last. Raises InputError when the drive does not start, and Interrupted.
@@ -40,15 +40,15 @@ def driven(wire: str, faults: Iterable[tuple[Fault, int]], interrupted: threadin
         driving(Path(folder), wire, interrupted) as drive,
     ):
         begin(drive)
-        with suppress(Ended):
+        with suppress(DriveEnded):
             for fault, number in faults:
                 if not cruises(drive):
                     break
                 rows.append({"load": round(os.getloadavg()[0], 1), "wire": wire, "number": number})
                 if fault.ends_drive:
-                    injected_s, _ = harmed(drive, fault, number)
+                    injected_s, _ = inject_fault(drive, fault, number)
                     end = drive.ending()
-                    rows[-1] |= judged(fault, drive.events, injected_s=injected_s) | {"resumed": None}
+                    rows[-1] |= judge_episode(fault, drive.events, injected_s=injected_s) | {"resumed": None}
                     return [row | end for row in rows]
                 rows[-1] |= episode(drive, fault, number)
         drive.interrupt()
@@ -60,12 +60,12 @@ def begin(drive: FaultDrive) -> None:
     """Wait until the drive has begun and the car moves. Raises InputError when the drive refuses to begin."""
     try:
         until(drive, lambda: drive.began and moves(drive), BEGIN_S)
-    except Ended as error:
+    except DriveEnded as error:
         raise InputError(f"the drive did not begin: {drive.errors()}") from error
     drive.prefer()
 
 
-def harmed(drive: FaultDrive, fault: Fault, number: int) -> tuple[float, Callable[[], None]]:
+def inject_fault(drive: FaultDrive, fault: Fault, number: int) -> tuple[float, Callable[[], None]]:
     """Inject ``fault`` at a moment that depends on its number."""
     phase_s = random.Random(f"{drive.wire} {fault.name} {number}").uniform(0.0, PHASE_S)
     time.sleep(phase_s)
@@ -74,21 +74,21 @@ def harmed(drive: FaultDrive, fault: Fault, number: int) -> tuple[float, Callabl
 
 def episode(drive: FaultDrive, fault: Fault, number: int) -> Row:
     """One fault after which the drive may go on."""
-    injected_s, release = harmed(drive, fault, number)
+    injected_s, release = inject_fault(drive, fault, number)
     try:
         waited = until(drive, lambda: drive.stands, STAND_S if fault.stops else UNHARMED_S)
-    except Ended:
-        return judged(fault, drive.events, injected_s=injected_s) | {"resumed": None}
+    except DriveEnded:
+        return judge_episode(fault, drive.events, injected_s=injected_s) | {"resumed": None}
     finally:
-        with suppress(Ended):
+        with suppress(DriveEnded):
             release()
     resumed = resume(drive) if waited or not moves(drive) else KEPT
-    return judged(fault, drive.events, injected_s=injected_s) | {"resumed": resumed}
+    return judge_episode(fault, drive.events, injected_s=injected_s) | {"resumed": resumed}
 
 
 def resume(drive: FaultDrive) -> str:
     """How the car starts again once the cause is gone."""
-    with suppress(Ended):
+    with suppress(DriveEnded):
         if until(drive, lambda: moves(drive), RESUME_S):
             return BY_ITSELF
         drive.renew_supervisor()

@@ -52,7 +52,7 @@ class Order(Settings):
     renewals: int = 0  # the node starts anew whenever this number has grown
 
 
-class Hosted(Settings):
+class HostOptions(Settings):
     """Options of the process besides those of the real module."""
 
     hosted: str  # the real module
@@ -77,7 +77,7 @@ class Falsifier:
         """No fault is active."""
         self._held = self._image = None
 
-    def falsified(self, order: Order, data: bytes, attachment: bytes | None, *, now_s: float) -> list[Sent]:
+    def falsify(self, order: Order, data: bytes, attachment: bytes | None, *, now_s: float) -> list[Sent]:
         """The messages that are published in place of one under ``order``, oldest first."""
         sent: Sent | None = (data, attachment)  # a clock that steps changes the stamps of the process itself
         match order.act:
@@ -98,11 +98,11 @@ class Falsifier:
             case Act.CLOCK if order.stamps_only:
                 message = from_cdr(data, TYPES[order.key])
                 shifted = replace(message, t_s=message.t_s + order.clock_step_s)
-                sent = to_cdr(shifted), restamped(attachment, order.clock_step_s)
+                sent = to_cdr(shifted), restamp(attachment, order.clock_step_s)
         return [sent] if sent else []
 
 
-def restamped(attachment: bytes | None, step_s: float) -> bytes:
+def restamp(attachment: bytes | None, step_s: float) -> bytes:
     """The stamp in ``attachment`` as by a clock that is ``step_s`` ahead."""
     stamp = stamp_of(attachment)
     return LAYOUT.pack(stamp.sequence, nanoseconds(stamp.published_s + step_s), GID_BYTES, stamp.publisher)
@@ -125,7 +125,7 @@ class FaultyPublisher:
             self._falsifier.calm()
             self._publisher.put(data, attachment=attachment)
             return
-        for false, stamp in self._falsifier.falsified(host.order, data, attachment, now_s=now_s):
+        for false, stamp in self._falsifier.falsify(host.order, data, attachment, now_s=now_s):
             self._publisher.put(false, attachment=stamp)
         host.mark(self._key)
 
@@ -148,7 +148,7 @@ class FaultySession:
 class Host:
     """The state of the faults of this process."""
 
-    def __init__(self, options: Hosted, name: str, true_s: Clock) -> None:
+    def __init__(self, options: HostOptions, name: str, true_s: Clock) -> None:
         self.order = Order()
         self.true_s = true_s
         self._file = options.control / f"{name}.json"
@@ -179,7 +179,7 @@ class Host:
         """True when the node has to end, in order to start anew."""
         return self.order.renewals > self._renewed
 
-    def renewed(self) -> None:
+    def renew(self) -> None:
         """The node starts anew."""
         self._renewed = self.order.renewals
 
@@ -224,8 +224,10 @@ def run(module: Any, me: Process) -> None:
 def main() -> None:
     """Run the real module with faulty publishers and a clock that can step."""
     assignment = Assignment.model_validate_json(sys.argv[1])
-    given = {name: assignment.options[name] for name in Hosted.model_fields if name in assignment.options}
-    options = Hosted.model_validate(given)
+    given = {
+        name: assignment.options[name] for name in HostOptions.model_fields if name in assignment.options
+    }
+    options = HostOptions.model_validate(given)
     host = Host(options, assignment.name, epoch_clock(assignment.clock_offset_ns))
     opened: Any = trepid.bus.open_session
     patched: Any = trepid.bus
@@ -250,7 +252,7 @@ def main() -> None:
         me.running = lambda: running() and not host.renewing()  # type: ignore[method-assign]
         while running():
             run(module, me)
-            host.renewed()
+            host.renew()
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from controller_rig import SETTINGS
 from message_rig import SHUTTLE
 
 from controller.controller import Controller
-from lab.bench.control.contestants import driven
+from lab.bench.control.contestants import drive_scenario
 from lab.bench.control.drift import DEAD_TIME_S, JERK_MPS3, grid, least_overshoot_m
 from sim_harness.world.plants.settings import Model
 
@@ -27,7 +27,7 @@ def test_the_least_overshoot_is_that_of_full_jerk_until_the_drift_is_stopped(dri
 @pytest.mark.parametrize("drift_mps", [0.2, -0.7])
 def test_a_drift_is_stopped_within_a_quarter_more_than_the_least_and_stays_stopped(drift_mps):
     scenario = next(scenario for drift, scenario in grid(Model.KINEMATIC) if math.isclose(drift, drift_mps))
-    trace = driven(scenario, Controller(SHUTTLE, SETTINGS), seed=3)
+    trace = drive_scenario(scenario, Controller(SHUTTLE, SETTINGS), seed=3)
     away_m = trace["lateral_offset_m"] * math.copysign(1.0, drift_mps)
     assert least_overshoot_m(abs(drift_mps)) * 0.9 <= away_m.max() <= least_overshoot_m(abs(drift_mps)) * 1.25
     assert away_m.min() >= -0.02

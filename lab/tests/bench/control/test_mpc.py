@@ -23,7 +23,7 @@ def test_a_missing_acados_is_reported_with_the_command_that_installs_it(monkeypa
 def test_the_problems_are_those_of_a_drive_and_depend_on_the_seed_only(monkeypatch):
     monkeypatch.setattr(bench, "SPEEDS_MPS", (16.0,))
     monkeypatch.setattr(bench, "DURATION_S", 3.0)
-    problems, again, other = (bench.recorded(SETTINGS, seed) for seed in (1, 1, 2))
+    problems, again, other = (bench.record_calls(SETTINGS, seed) for seed in (1, 1, 2))
     assert len(problems) >= 140
     assert problems == again != other
     assert all(abs(b.now.offset_m - a.now.offset_m) < 0.2 for a, b in pairwise(problems))
@@ -36,7 +36,7 @@ def test_acados_finds_the_same_plan(monkeypatch, tmp_path, name):
     monkeypatch.setattr(bench, "DURATION_S", 0.5)
     grid, soft = bench.grid_and_soft(SETTINGS.lateral.mpc)
     peer = Acados(tmp_path, "lane_keeping_test", grid, soft, CONFIGURATIONS[name])
-    for problems in bench.recorded(SETTINGS, 3)[::5]:
+    for problems in bench.record_calls(SETTINGS, 3)[::5]:
         ours = Solver(grid, soft)
         for _ in range(12):
             plan = ours.solve(problems.now)

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from lab.bench.fear.fuzz import Afraid, at_random, lowered, numbers, one_by_one, situations
+from lab.bench.fear.fuzz import Afraid, at_random, is_lower, numbers, one_by_one, situations
 from trepid.messages import SteeringEstimate
 
 AFRAID = Afraid()
@@ -15,7 +15,7 @@ WHOLE = situations()
 def test_no_broken_number_lowers_fear(name: str) -> None:
     clean = AFRAID.fear(WHOLE[name], WHOLE[name])
     calmed = [
-        broken for broken in one_by_one(WHOLE[name]) if lowered(clean, AFRAID.fear(WHOLE[name], broken))
+        broken for broken in one_by_one(WHOLE[name]) if is_lower(clean, AFRAID.fear(WHOLE[name], broken))
     ]
     assert calmed == []
 

@@ -13,8 +13,8 @@ from lab.bench.fear.fuzz import situations
 from lab.bench.fear.supervision import (
     SUPERVISED,
     Driver,
-    chosen,
-    driven,
+    choose_estimate,
+    drive_all,
     drivers,
     summary,
     warnings_s,
@@ -30,9 +30,9 @@ SEEN = {"cv": CV, "cnn": replace(CV, estimator="cnn", lateral_offset_m=0.5, conf
     ("driver", "offset_m"), [("cv", 0.1), ("cnn", 0.5), ("average", 0.3), ("surest", 0.5)]
 )
 def test_every_driver_drives_its_lane(driver: str, offset_m: float) -> None:
-    lane = chosen(SEEN, Driver(driver))
+    lane = choose_estimate(SEEN, Driver(driver))
     assert lane is not None and lane.lateral_offset_m == pytest.approx(offset_m)
-    assert chosen({}, Driver(driver)) is None
+    assert choose_estimate({}, Driver(driver)) is None
 
 
 def test_more_cases_begin_with_the_same() -> None:
@@ -118,4 +118,4 @@ def test_a_stored_drive_is_not_repeated(tmp_path: Path, monkeypatch: pytest.Monk
     ]
     path.write_text("".join(json.dumps(line) + "\n" for line in kept))
     monkeypatch.setattr(supervision, "driven_row", None)  # driving would raise
-    assert driven(1, 1, path) == [{"driver": line["driver"], "mine": True} for line in kept]
+    assert drive_all(1, 1, path) == [{"driver": line["driver"], "mine": True} for line in kept]

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from lab.bench.foreign import dbc
-from lab.bench.foreign.dbc import COLUMNS, counted
+from lab.bench.foreign.dbc import COLUMNS, count_file
 
 GOOD = 'BO_ 10 GOOD: 8 XXX\n SG_ A : 0|8@1+ (0.5,0) [0|0] "" XXX\n SG_ B : 15|8@0- (1,-4) [0|0] "" XXX\n\n'
 MULTIPLEXED = (
@@ -16,7 +16,7 @@ OVERLAP = 'BO_ 12 BAD: 8 XXX\n SG_ E : 0|8@1+ (1,0) [0|0] "" XXX\n SG_ F : 4|8@1
 def counts(folder: Path, *messages: str) -> dict[str, int]:
     path = folder / "car.dbc"
     path.write_text('VERSION ""\n\nBU_: XXX\n\n' + "".join(messages))
-    found = counted(path)
+    found = count_file(path)
     return {name: found[name] for name in COLUMNS}
 
 

@@ -16,7 +16,7 @@ from lab.bench.imitation.verdict import (
     EXACT,
     FARTHEST,
     SHIFTED,
-    simulated,
+    judge_simulation,
     verdicts,
 )
 from trepid.config import InputError
@@ -51,7 +51,7 @@ def test_a_drive_is_learned_once_and_its_rows_are_used_again(drive, monkeypatch)
         assert 0 < rows[network]["mae_deg"] < 90 and rows[network]["epochs"] == 2
         assert rows[network]["latency_ms"] > 0 and 0 <= rows[network]["coverage_90"] <= 1
     assert found[SETS[1]] == {"left out": f"no folder {SETS[1]} in the data folder"}
-    monkeypatch.setattr(module, "judged", None)  # nothing is trained again
+    monkeypatch.setattr(module, "judge_training", None)  # nothing is trained again
     assert bench_imitation(seed=1, quick=True, data=drive, sets=SETS) == found
 
 
@@ -114,8 +114,8 @@ def tables(
 
 
 def test_the_aims_of_the_simulator_are_those_of_the_best_network_and_of_every_drive():
-    assert {row["is"] for row in simulated(tables()).values()} == {"met"}
-    assert simulated(tables())["farthest at branches [m]"]["measured"] == 0.2
+    assert {row["is"] for row in judge_simulation(tables()).values()} == {"met"}
+    assert judge_simulation(tables())["farthest at branches [m]"]["measured"] == 0.2
     for missed, found in (
         ("mae_deg of steer", tables(mae_deg=1.6)),
         ("steering rate, steer-lstm to steer", tables(slower=0.6)),
@@ -123,7 +123,7 @@ def test_the_aims_of_the_simulator_are_those_of_the_best_network_and_of_every_dr
         ("departures supervised", tables(departures=1)),
         ("coverage_90 of steer under its worst shift, rain", tables(covered=0.8)),
     ):
-        assert [name for name, row in simulated(found).items() if row["is"] == "missed"] == [missed]
+        assert [name for name, row in judge_simulation(found).items() if row["is"] == "missed"] == [missed]
 
 
 def test_an_unknown_set_is_refused_with_the_names_of_the_others():

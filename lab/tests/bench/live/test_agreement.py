@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
-from lab.bench.live.agreement import beside, chosen, summary
+from lab.bench.live.agreement import beside, choose_scenarios, summary
 from sim_harness.live.course import lockstep_only
 from sim_harness.scenarios.scenario import list_scenarios
 
@@ -21,11 +21,11 @@ def live(rate_hz: float = 25.0, **changes: Any) -> dict[str, Any]:
 
 
 def test_the_scenarios_cover_every_tag_that_can_be_driven_live() -> None:
-    scenarios = chosen(7, 20)
+    scenarios = choose_scenarios(7, 20)
     assert len({scenario.name for scenario in scenarios}) == 20
     possible = [scenario for scenario in list_scenarios() if not any(lockstep_only(scenario))]
     assert {tag for s in scenarios for tag in s.tags} == {tag for s in possible for tag in s.tags}
-    assert chosen(7, 20) == scenarios != chosen(8, 20)
+    assert choose_scenarios(7, 20) == scenarios != choose_scenarios(8, 20)
 
 
 def test_a_drive_that_moved_further_than_it_scored_has_a_share_below_one() -> None:

@@ -47,14 +47,14 @@ class Rules(BaseHTTPRequestHandler):
 def test_the_address_is_that_of_the_printed_line(tmp_path: Path) -> None:
     errors = tmp_path / "stderr"
     errors.write_text("trepid drive: live page: http://127.0.0.1:8620/#abc-_9\n")
-    url, printed_s = answers._printed(program(), errors)
+    url, printed_s = answers._read_address(program(), errors)
     assert url == "http://127.0.0.1:8620/#abc-_9" and printed_s <= time.monotonic()
 
 
 def test_a_drive_that_ends_without_an_address_says_why(tmp_path: Path) -> None:
     (tmp_path / "stderr").write_text("no such scenario\n")
     with pytest.raises(InputError, match="no address: no such scenario"):
-        answers._printed(program(ended=True), tmp_path / "stderr")
+        answers._read_address(program(ended=True), tmp_path / "stderr")
 
 
 def test_an_address_that_refuses_at_first_counts_from_the_printed_line() -> None:
@@ -89,5 +89,5 @@ def test_a_check_needs_the_token_and_rules_that_pass() -> None:
 
 def test_each_load_has_a_row_with_every_column(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answers, "LOADS", (0, 1))
-    monkeypatch.setattr(answers, "answered", lambda: {"answer after the address is printed [s]": 0.1})
+    monkeypatch.setattr(answers, "measure_answers", lambda: {"answer after the address is printed [s]": 0.1})
     assert list(answers.bench_page_answers()["drives"]) == ["load 0", "load 1"]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.bench.live.soak import Usage, recorded, sampled, usage
+from lab.bench.live.soak import Usage, count_recorded, sample_usage, usage
 from trepid.clock import Stamp
 from trepid.messages import VehicleState
 from trepid.recording.writer import Recording
@@ -39,19 +39,19 @@ def recording(tmp_path: Path) -> Path:
 
 def test_a_message_that_the_recording_lacks_is_lost(recording: Path) -> None:
     key = VEHICLE_STATE.key
-    found = recorded(recording, {key: numbered(5)}, {key: numbered(45)})
+    found = count_recorded(recording, {key: numbered(5)}, {key: numbered(45)})
     assert found == {key: {"messages": 41, "lost": 2}}
 
 
 def test_messages_outside_the_window_do_not_count(recording: Path) -> None:
     key = VEHICLE_STATE.key
-    found = recorded(recording, {key: numbered(22)}, {key: numbered(30)})
+    found = count_recorded(recording, {key: numbered(22)}, {key: numbered(30)})
     assert found == {key: {"messages": 9, "lost": 0}}
 
 
 def test_numbers_of_a_publisher_that_was_started_anew_count_nothing(recording: Path) -> None:
     key = VEHICLE_STATE.key
-    found = recorded(recording, {key: numbered(22)}, {key: numbered(30)._replace(publisher=b"another")})
+    found = count_recorded(recording, {key: numbered(22)}, {key: numbered(30)._replace(publisher=b"another")})
     assert found == {key: {"messages": None, "lost": None}}
 
 
@@ -65,7 +65,7 @@ def test_growth_is_that_of_the_last_quarter_over_the_second() -> None:
 
 
 def test_a_process_is_sampled_by_its_id() -> None:
-    found = sampled(os.getpid())
+    found = sample_usage(os.getpid())
     assert found is not None
     assert found.memory_mb > 10
     assert found.files > 2
@@ -73,4 +73,4 @@ def test_a_process_is_sampled_by_its_id() -> None:
 
 
 def test_a_process_that_has_ended_gives_no_sample() -> None:
-    assert sampled(2**22 + 1) is None
+    assert sample_usage(2**22 + 1) is None

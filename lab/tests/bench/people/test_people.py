@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.bench.people.bench import MODELLED, TRUTH, _driven, by_distance, cyclists, drive, step_outs
+from lab.bench.people.bench import MODELLED, TRUTH, _drive_cases, by_distance, cyclists, drive, step_outs
 from lab.bench.people.cases import (
     BYSTANDER,
     CYCLIST,
@@ -15,11 +15,11 @@ from lab.bench.people.cases import (
     STEP_OUT,
     STRONGEST_MPS2,
     Encounter,
-    built,
+    build_scenario,
     cases,
     walk_s,
 )
-from lab.bench.people.real import overlap, real_pictures, scored
+from lab.bench.people.real import overlap, real_pictures, score_picture
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.road_users import START_RATE_MPS2
 
@@ -29,7 +29,7 @@ def test_cases_are_valid_and_the_same_again(kind: str) -> None:
     some = cases(kind, 3, 6)
     assert some == cases(kind, 3, 6) != cases(kind, 4, 6)
     for case in some:
-        built(case, sight="truth", road_user_sensor="modelled")
+        build_scenario(case, sight="truth", road_user_sensor="modelled")
 
 
 def test_a_car_can_stop_for_every_step_out() -> None:
@@ -89,7 +89,7 @@ def test_recall_and_precision_of_hand_made_labels() -> None:
     people = np.zeros((100, 200), bool)
     people[20:60, 30:40] = True
     people[50:70, 150:160] = True
-    found = scored(people, [(29.0, 19.0, 41.0, 61.0), (100.0, 10.0, 110.0, 40.0)])
+    found = score_picture(people, [(29.0, 19.0, 41.0, 61.0), (100.0, 10.0, 110.0, 40.0)])
     assert sorted(found.people) == [(0.2, False), (0.4, True)]
     assert found.boxes == [True, False]
 
@@ -117,11 +117,11 @@ def test_an_interrupted_benchmark_drives_only_what_is_left(
         return ended()
 
     monkeypatch.setattr("lab.bench.people.bench.drive", counted)
-    first = _driven(drawn[:2], TRUTH, path, jobs=1)
-    again = _driven(drawn, TRUTH, path, jobs=1)
+    first = _drive_cases(drawn[:2], TRUTH, path, jobs=1)
+    again = _drive_cases(drawn, TRUTH, path, jobs=1)
     assert driven == [(case.aside_m, TRUTH) for case in drawn]
     assert [str(row) for row in again[:2]] == [str(row) for row in first]  # NaN is not equal to itself
-    _driven(drawn[:1], MODELLED, path, jobs=1)
+    _drive_cases(drawn[:1], MODELLED, path, jobs=1)
     assert driven[-1] == (drawn[0].aside_m, MODELLED), "a row belongs to its sensor"
 
 
@@ -136,7 +136,9 @@ def test_the_car_stops_for_who_steps_out_and_goes_on(sensor: str) -> None:
 
 @pytest.mark.long
 def test_a_drive_that_is_ended_early_is_the_beginning_of_the_whole_one() -> None:
-    scenario = built(cases(STEP_OUT, 5, 1)[0], sight="truth", road_user_sensor="modelled", duration_s=4.0)
+    scenario = build_scenario(
+        cases(STEP_OUT, 5, 1)[0], sight="truth", road_user_sensor="modelled", duration_s=4.0
+    )
     whole = run(scenario, seed=0).trace
     part = run(scenario, seed=0, until=lambda now: now.now_s > 2.0).trace
     count = len(part["t_s"])

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.bench.perception import bench, drive
-from lab.bench.perception.bench import bench_perception, watched
+from lab.bench.perception.bench import bench_perception, watch_clips
 from lab.bench.perception.clips import CLEAR, GAP, GRADES, ClipCase, ClipFrame, harness_set, moments
 from lab.bench.perception.report import write
 from lab.bench.perception.scores import figures, gap_figures, groups, one_line_figures
 from lab.bench.perception.store import ClipStore, StoredFrames
-from lab.bench.perception.watch import LOOK, TRUTH, Watched, _TrueRoad, aim, look
+from lab.bench.perception.watch import LOOK, TRUTH, WatchedClip, _TrueRoad, aim, look
 from sim_harness.sweep.fingerprint import estimator_fingerprint, hash_of_files, import_closure
 from sim_harness.sweep.store import Store
 from sim_harness.world.roads.disturbances import DisturbanceKind
@@ -191,10 +191,10 @@ def test_perfect_confidence_has_an_auroc_of_1_and_no_calibration_error() -> None
     assert row["ece"] == 0.0
 
 
-def watched_with(rows: np.ndarray, in_gap: bool = False) -> Watched:
+def watched_with(rows: np.ndarray, in_gap: bool = False) -> WatchedClip:
     truth = np.zeros(len(rows), TRUTH)
     truth["in_gap"] = in_gap
-    return Watched(truth, {"a": rows})
+    return WatchedClip(truth, {"a": rows})
 
 
 def test_the_drift_in_a_gap_is_its_greatest_offset() -> None:
@@ -229,16 +229,18 @@ def test_the_main_conditions_count_drivable_grades_only() -> None:
 def test_only_missing_results_are_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     called: list[tuple[str, ...]] = []
 
-    def quickly(clip: Sequence[ClipFrame], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
+    def quickly(
+        clip: Sequence[ClipFrame], names: Sequence[str], camera: Camera, vehicle: Vehicle
+    ) -> WatchedClip:
         called.append(tuple(names))
-        return Watched(np.zeros(20, TRUTH), {name: looks() for name in names})
+        return WatchedClip(np.zeros(20, TRUTH), {name: looks() for name in names})
 
     monkeypatch.setattr(bench, "watch", quickly)
     monkeypatch.setattr(bench, "moments", lambda *_, **__: [])
     monkeypatch.setattr(bench, "FOLDER", tmp_path)
-    watched([CASE], ("cv",), 1)
-    both = watched([CASE], ("cv", "canny_hough"), 1)
-    watched([CASE], ("canny_hough", "cv"), 1)
+    watch_clips([CASE], ("cv",), 1)
+    both = watch_clips([CASE], ("cv", "canny_hough"), 1)
+    watch_clips([CASE], ("canny_hough", "cv"), 1)
     assert called == [("cv",), ("canny_hough",)]
     assert set(both[CASE].looks) == {"cv", "canny_hough"}
 
@@ -247,7 +249,7 @@ def test_results_are_stored_to_the_last_bit_and_those_of_other_code_are_not_read
     rows = looks(3, offset_m=(0.1, np.nan, 1e-9))
     with Store(tmp_path / "set.jsonl") as store:
         clips = ClipStore(store, "drawing", {"a": "old", "b": "same"})
-        clips.write(CASE, Watched(np.ones(3, TRUTH), {"a": looks(3), "b": rows}))
+        clips.write(CASE, WatchedClip(np.ones(3, TRUTH), {"a": looks(3), "b": rows}))
     with Store(tmp_path / "set.jsonl") as store:
         known = ClipStore(store, "drawing", {"a": "new", "b": "same"}).read(CASE)
         assert known is not None

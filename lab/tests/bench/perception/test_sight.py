@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from lab.bench.perception.sight import GRADES, WEATHER, Looked, SightCase, cases, drive, scores
+from lab.bench.perception.sight import GRADES, WEATHER, SightCase, SightSample, cases, drive, scores
 from sim_harness.lockstep.oracle import clear_view
 from sim_harness.world.sight_truth import SightDistance
 from trepid.causes import Cause
@@ -12,9 +12,9 @@ from trepid.causes import Cause
 
 def looked(
     seen_m: float | None, true_m: float, *, sigma_m: float = 10.0, cause: str = "", true: str = ""
-) -> Looked:
+) -> SightSample:
     seen = replace(clear_view(0.0), sight_m=seen_m, sight_sigma_m=sigma_m, sight_cause=cause)
-    return Looked(seen, SightDistance(true_m, true), 1.0, 0.5)
+    return SightSample(seen, SightDistance(true_m, true), 1.0, 0.5)
 
 
 def test_scores_are_those_of_hand_made_frames() -> None:

@@ -11,7 +11,7 @@ from lab.bench.real import baselines
 from lab.bench.real import bench as module
 from lab.bench.real.bench import bench_real
 from lab.bench.real.frames import Picture
-from lab.bench.real.judgement import COLUMNS, LANE_ROWS, Judged, judgements, verdicts, within
+from lab.bench.real.judgement import COLUMNS, LANE_ROWS, JudgedLane, judgements, verdicts, within
 from lab.bench.real.labels import ROAD_CLASS, Labels
 from lab.bench.real.look import GRID_PX
 from lab.bench.real.scores import figures
@@ -94,7 +94,7 @@ def test_a_trapezoid_is_fitted_to_the_labels_of_other_sequences():
     shape = (0.4, 0.45, 0.6, 0.1, 0.9)
     mask = baselines.trapezoid(shape)
     label = np.packbits(mask).tobytes().hex()
-    fitted = baselines.fitted([row(answer(0.5), label=label)] * 3)
+    fitted = baselines.fit_trapezoid([row(answer(0.5), label=label)] * 3)
     assert fitted is not None
     assert baselines.overlap(fitted, mask[None], np.ones_like(mask[None]))[0] > 0.95
     assert (baselines.masks_of([row(answer(0.5), label=label)], "label")[0] == mask).all()
@@ -121,11 +121,11 @@ def test_a_later_answer_is_rated_by_the_lane_that_was_judged():
     lane = np.array(LANE)
     moved = answer(0.9, lane=(lane + 0.1).tolist())
     frame = [row(answer(0.9)), row(moved)]
-    assert verdicts(frame, "cv", {"a.png": [Judged("right", lane)]}) == [True, False]
-    assert verdicts(frame, "cv", {"a.png": [Judged("wrong", lane)]}) == [False, None]
-    assert verdicts(frame, "cv", {"a.png": [Judged("cannot_say", lane)]}) == [None, None]
+    assert verdicts(frame, "cv", {"a.png": [JudgedLane("right", lane)]}) == [True, False]
+    assert verdicts(frame, "cv", {"a.png": [JudgedLane("wrong", lane)]}) == [False, None]
+    assert verdicts(frame, "cv", {"a.png": [JudgedLane("cannot_say", lane)]}) == [None, None]
     assert verdicts(frame, "cv", {}) == [None, None]
-    both = [Judged("right", lane + 0.1), Judged("cannot_say", lane)]
+    both = [JudgedLane("right", lane + 0.1), JudgedLane("cannot_say", lane)]
     assert verdicts(frame, "cv", {"a.png": both}) == [None, True]
 
 
@@ -133,11 +133,11 @@ def test_an_answer_is_rated_by_the_lane_of_the_car_where_that_was_drawn():
     true = np.array(LANE)
     shifted, doubled = true + np.array([0.1, 0.08, 0.04]), np.array([true[0], 2 * true[1] - true[0]])
     frame = [row(answer(0.9, lane=lane.tolist())) for lane in (true, shifted, doubled)]
-    drawn = Judged("lane", true)
+    drawn = JudgedLane("lane", true)
     assert verdicts(frame, "cv", {"a.png": [drawn]}) == [True, True, False]
-    assert verdicts(frame, "cv", {"a.png": [Judged("wrong", shifted), drawn]}) == [True, False, False]
-    assert verdicts(frame, "cv", {"a.png": [Judged("cannot_say", doubled), drawn]}) == [True, True, False]
-    unseen = {"a.png": [Judged("lane", np.full_like(true, np.nan))]}
+    assert verdicts(frame, "cv", {"a.png": [JudgedLane("wrong", shifted), drawn]}) == [True, False, False]
+    assert verdicts(frame, "cv", {"a.png": [JudgedLane("cannot_say", doubled), drawn]}) == [True, True, False]
+    unseen = {"a.png": [JudgedLane("lane", np.full_like(true, np.nan))]}
     assert verdicts(frame, "cv", unseen) == [None, None, None]
 
 
@@ -156,7 +156,7 @@ def test_an_answer_a_little_beside_a_lane_that_was_judged_right_is_not_rated_and
     lane = np.array(LANE)
     width = lane[1] - lane[0]
     frame = [row(answer(0.9, lane=(lane + share * width).tolist())) for share in (0.05, 0.15, 0.3)]
-    assert verdicts(frame, "cv", {"a.png": [Judged("right", lane)]}) == [True, None, False]
+    assert verdicts(frame, "cv", {"a.png": [JudgedLane("right", lane)]}) == [True, None, False]
 
 
 def test_the_judgements_of_the_repository_can_be_read_and_name_known_sets():

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from lab.bench.real.ego_lane import drawn, figures, fixed, overlap
-from lab.bench.real.judgement import Judged
+from lab.bench.real.ego_lane import figures, fixed_lane, lanes_of_files, overlap
+from lab.bench.real.judgement import JudgedLane
 
 LANE = np.array([[0.2, 0.3, 0.4], [0.8, 0.7, 0.6]])
 GONE = np.full_like(LANE, np.nan)
 JUDGED = {
-    "a.png": [Judged("right", LANE + 0.3), Judged("lane", LANE)],
-    "b.png": [Judged("lane", LANE + 0.02)],
+    "a.png": [JudgedLane("right", LANE + 0.3), JudgedLane("lane", LANE)],
+    "b.png": [JudgedLane("lane", LANE + 0.02)],
 }
 
 
@@ -30,13 +30,13 @@ def test_only_the_part_inside_the_image_counts():
 
 
 def test_only_lanes_drawn_by_eye_are_the_truth():
-    assert list(drawn(["a.png", "c.png"], JUDGED)) == ["a.png"]
-    assert drawn(["a.png"], JUDGED)["a.png"] == pytest.approx(LANE)
+    assert list(lanes_of_files(["a.png", "c.png"], JUDGED)) == ["a.png"]
+    assert lanes_of_files(["a.png"], JUDGED)["a.png"] == pytest.approx(LANE)
 
 
 def test_the_lane_of_other_sequences_is_their_median():
-    assert fixed(["a.png", "b.png"], JUDGED) == pytest.approx(LANE + 0.01)
-    assert fixed(["c.png"], JUDGED) is None
+    assert fixed_lane(["a.png", "b.png"], JUDGED) == pytest.approx(LANE + 0.01)
+    assert fixed_lane(["c.png"], JUDGED) is None
 
 
 def test_an_answer_without_a_lane_counts_as_no_overlap():

@@ -65,7 +65,7 @@ class LinePainter:
 
     def paint(self, colour: Image, here: Stretch) -> None:
         for number, line in enumerate(self._lines[id(here.section)]):
-            open_ = self._uninterrupted(line, here.station)
+            open_ = self._uninterrupted_share(line, here.station)
             for shift_m, stroke in _strokes(line.marking):
                 along = _dashes(here.station - here.section.start_m, line.marking, stroke)
                 along = along if open_ is None else along * open_
@@ -79,16 +79,16 @@ class LinePainter:
         centre = np.array([first]) if first == last else first + (last - first) * here.share
         centre = centre + shift_m if shift_m else centre
         half_m = marking.width_m / 2
-        columns = grid.touched(float(centre.min()) - half_m, float(centre.max()) + half_m)
+        columns = grid.columns_between(float(centre.min()) - half_m, float(centre.max()) + half_m)
         across = coverage(grid.offsets[columns], centre[:, None], marking.width_m, PIXEL_M)
         fine = here.part(self._textures.blotch)[:, columns]
         wear = paint_left(fine, here.part(self._textures.wave)[:, columns], marking.wear)
         cover = (across * along[:, None] * wear)[:, :, None].astype(np.float32)
         if marking.damage:
             cover *= self._intact(here, columns, centre, marking, number)[:, :, None]
-        colour[:, columns, :3] = painted(colour[:, columns, :3], cover, marking.paint, fine)
+        colour[:, columns, :3] = paint_over(colour[:, columns, :3], cover, marking.paint, fine)
 
-    def _uninterrupted(self, line: Line, station: Array) -> Array | None:
+    def _uninterrupted_share(self, line: Line, station: Array) -> Array | None:
         """Share of each row outside all gaps and junctions; None without any."""
         gaps = [((a + b) / 2, b - a) for a, b in (*line.marking.gaps_m, *self._mouths(line))]
         away = [(distance_along(self._road, station, centre), length) for centre, length in gaps]
@@ -121,7 +121,7 @@ class LinePainter:
         return whole[here.rows]
 
 
-def painted(bare: Image, cover: Floats | Array, paint: Paint, fine: Floats) -> Floats:
+def paint_over(bare: Image, cover: Floats | Array, paint: Paint, fine: Floats) -> Floats:
     """``bare`` under ``cover`` (rows, columns, 1) of slightly uneven paint."""
     bgr = np.array(PAINT_BGR[paint], np.float32) * (1 + 0.04 * fine[:, :, None])
     colour = bare.astype(np.float32)

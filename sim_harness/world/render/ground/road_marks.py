@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from sim_harness.world.render.ground.markings import painted
+from sim_harness.world.render.ground.markings import paint_over
 from sim_harness.world.render.ground.strip_grid import (
     PIXEL_M,
     ROWS,
@@ -69,7 +69,7 @@ class MarkPainter:
         noises = (self._textures.blotch, self._textures.wave)
         blotch, wave = (noise[(index * ROWS + rows) % len(noise), inside] for noise in noises)
         cover = (cover * paint_left(blotch, wave, mark.wear))[:, :, None]
-        colour[rows, inside, :3] = painted(colour[rows, inside, :3], cover, mark.paint, blotch)
+        colour[rows, inside, :3] = paint_over(colour[rows, inside, :3], cover, mark.paint, blotch)
 
     def _draw(self, mark: RoadMark) -> tuple[Image, float]:
         """Mask with rows along the station and columns to the left, and the offset of its right edge."""

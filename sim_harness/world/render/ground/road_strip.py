@@ -113,10 +113,10 @@ def _coarser(finest: Block) -> tuple[Block, ...]:
     blocks = [finest]
     while len(blocks) < len(LEVELS_M):
         above = blocks[-1]
-        blocks.append(Block(_halved(above.colour), None if above.shade is None else _halved(above.shade)))
+        blocks.append(Block(_halve(above.colour), None if above.shade is None else _halve(above.shade)))
     return tuple(blocks[1:])
 
 
-def _halved(image: Image) -> Image:
+def _halve(image: Image) -> Image:
     size = (image.shape[1] // 2, image.shape[0] // 2)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)

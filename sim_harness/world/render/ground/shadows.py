@@ -8,7 +8,7 @@ from operator import attrgetter
 import numpy as np
 
 from sim_harness.world.render.ground.noise import smooth_noise
-from sim_harness.world.render.ground.strip_grid import ROWS, Grid, edges_m, tapered
+from sim_harness.world.render.ground.strip_grid import ROWS, Grid, blend_fields, edges_m
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Floats, Image
 
@@ -37,7 +37,7 @@ class Shadows:
     def shade(self, index: int, station: Array) -> Image | None:
         """Shade of a block, (rows, columns), or None without any shadow."""
         layers = dict(zip(KINDS, (self._trees, self._buildings, self._bridges), strict=True))
-        amounts = {kind: tapered(self._road, station, attrgetter(kind)) for kind in self._present}
+        amounts = {kind: blend_fields(self._road, station, attrgetter(kind)) for kind in self._present}
         dark = [layers[kind](index, station, amount) for kind, amount in amounts.items() if amount.any()]
         if not dark:
             return None

@@ -63,7 +63,7 @@ def lay_arm(tile: Image, arm: Arm, x_m: Array, y_m: Array, grain: Image) -> None
     tone = 0.4 + 0.6 * grain[rows, columns].astype(np.float64) / 128
     colour = arm.bgr * tone.mean(axis=2, keepdims=True)
     if arm.junction.centre_line:
-        paint = _painted(arm, u, v, pixel_m)[:, :, None]
+        paint = _paint_share(arm, u, v, pixel_m)[:, :, None]
         colour = colour + paint * (np.array(PAINT_BGR[Paint.WHITE]) - colour)
     bare = tile[rows, columns].astype(np.float64)
     tile[rows, columns] = np.clip(bare + cover[:, :, None] * (colour - bare), 0, 255)
@@ -86,7 +86,7 @@ def _inside(arm: Arm, u: Array, v: Array) -> Array:
     return np.minimum(half_m - np.abs(v), along)
 
 
-def _painted(arm: Arm, u: Array, v: Array, pixel_m: float) -> Array:
+def _paint_share(arm: Arm, u: Array, v: Array, pixel_m: float) -> Array:
     """Share of paint: a dashed centre line, and a stop line for traffic towards the main road."""
     run = u - arm.edge_m - SET_BACK_M
     keep_right = v * (arm.outwards[1] * arm.forwards[0] - arm.outwards[0] * arm.forwards[1])

@@ -39,7 +39,7 @@ class Grid:
     def offsets(self) -> Array:
         return np.asarray(self.right_m + (np.arange(self.columns) + 0.5) * PIXEL_M, np.float64)
 
-    def touched(self, right_m: float, left_m: float) -> slice:
+    def columns_between(self, right_m: float, left_m: float) -> slice:
         """Columns between two offsets, plus one on each side."""
         first = (right_m - PIXEL_M - self.right_m) / PIXEL_M
         last = (left_m + PIXEL_M - self.right_m) / PIXEL_M
@@ -110,7 +110,9 @@ def distance_along(road: Road, station: Array, at_m: float) -> Array:
     return np.asarray(away, np.float64)
 
 
-def tapered(road: Road, station: Array, number: Callable[[Section], float | tuple[float, float]]) -> Array:
+def blend_fields(
+    road: Road, station: Array, number: Callable[[Section], float | tuple[float, float]]
+) -> Array:
     """A field of the sections (constant or linear) at each station, blended over TAPER_M after each start."""
     ends = np.array([np.broadcast_to(number(section), 2) for section in road.sections], float)
     starts = np.array([section.start_m for section in road.sections])
@@ -127,8 +129,8 @@ def tapered(road: Road, station: Array, number: Callable[[Section], float | tupl
 def edges_m(road: Road, station: Array) -> tuple[Array, Array]:
     """Distances of the right and of the left edge of the carriageway from the reference line, unworn."""
     half_m = road.widths_at(station) / 2
-    right = half_m + tapered(road, station, lambda s: _beyond_m(road, s, -1))
-    left = half_m + tapered(road, station, lambda s: _beyond_m(road, s, 1))
+    right = half_m + blend_fields(road, station, lambda s: _beyond_m(road, s, -1))
+    left = half_m + blend_fields(road, station, lambda s: _beyond_m(road, s, 1))
     return right, left
 
 

@@ -11,9 +11,9 @@ from sim_harness.world.render.ground.strip_grid import (
     Grid,
     Stretch,
     Textures,
+    blend_fields,
     distance_along,
     edges_m,
-    tapered,
 )
 from sim_harness.world.roads.appearance import Section, Surface
 from sim_harness.world.roads.features import Side
@@ -56,8 +56,8 @@ class SurfacePainter:
         """Mask of carriageway and kerb of a block, with rough edges."""
         start = index * ROWS % len(self._rim)
         rough, rim = (noise[start : start + ROWS] for noise in (self._textures.edge, self._rim))
-        amount = tapered(self._road, station, lambda section: section.edge_roughness_m)
-        breaks = tapered(self._road, station, lambda section: section.edge_breaks)
+        amount = blend_fields(self._road, station, lambda section: section.edge_roughness_m)
+        breaks = blend_fields(self._road, station, lambda section: section.edge_breaks)
         edges = []
         for side, sound in enumerate(edges_m(self._road, station)):
             edge = sound + amount * rough[:, side] + self._kerb(station, side)
@@ -97,7 +97,7 @@ class SurfacePainter:
 
     def _wet(self, here: Stretch) -> Array:
         """Wetness of each row, (rows, 1)."""
-        return tapered(self._road, here.station, lambda section: section.wet)[:, None]
+        return blend_fields(self._road, here.station, lambda section: section.wet)[:, None]
 
     def _tone(self, here: Stretch, rng: np.random.Generator) -> Floats:
         """Brightness of the bare carriageway around 1, (rows, columns)."""
@@ -155,7 +155,7 @@ class SurfacePainter:
     def _beyond(self, sign: int, edge: Array, width_m: float) -> slice:
         """Columns from the innermost edge of one side to ``width_m`` beyond the outermost one, plus ROUGH_M."""
         ends = sign * (float(edge.min()) - ROUGH_M), sign * (float(edge.max()) + width_m + ROUGH_M)
-        return self._grid.touched(min(ends), max(ends))
+        return self._grid.columns_between(min(ends), max(ends))
 
     def _paint_trodden_snow(self, colour: Image, here: Stretch) -> None:
         """Paint snow in soft patches, thinner in the wheel tracks."""
@@ -170,7 +170,7 @@ class SurfacePainter:
         rim, blotch = here.part(self._rim), here.part(self._textures.blotch)
         fields = (lambda section: section.snow_right_m), (lambda section: section.snow_left_m)
         for side, sign, edge in _sides(edges_m(self._road, here.station)):
-            reach = tapered(self._road, here.station, fields[side])
+            reach = blend_fields(self._road, here.station, fields[side])
             ragged = np.minimum(SNOW_RAGGED_M, reach / 2) * rim[:, side]
             inwards = edge - reach + ragged
             columns = self._beyond(sign, inwards, float((edge - inwards).max()))

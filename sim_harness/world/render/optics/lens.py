@@ -37,8 +37,8 @@ class Distortion:
         u, v = np.meshgrid(np.arange(camera.width_px, dtype=float), np.arange(camera.height_px, dtype=float))
         pixels = np.column_stack([u.ravel(), v.ravel()])
         with np.errstate(all="ignore"):  # it diverges where the distortion is refused below
-            straight = undistorted(camera, pixels)
-        if not np.isfinite(straight).all() or np.abs(distorted(camera, straight) - pixels).max() > 0.05:
+            straight = undistort_pixels(camera, pixels)
+        if not np.isfinite(straight).all() or np.abs(distort_pixels(camera, straight) - pixels).max() > 0.05:
             raise ValueError(f"distortion {camera.distortion} does not map the image one to one")
         low, high = np.floor(straight.min(axis=0)) - 1, np.ceil(straight.max(axis=0)) + 2
         size = (high - low).astype(int)
@@ -56,7 +56,7 @@ class Distortion:
         return np.asarray(cv2.remap(image, self._columns, self._rows, cv2.INTER_LINEAR))
 
 
-def undistorted(camera: Camera, pixel: Array) -> Array:
+def undistort_pixels(camera: Camera, pixel: Array) -> Array:
     """Pixels (n, 2) of the undistorted image from those of the camera's own image."""
     criteria = (cv2.TERM_CRITERIA_COUNT, FIXED_POINT_STEPS, 0.0)
     points = cv2.undistortPoints(
@@ -65,7 +65,7 @@ def undistorted(camera: Camera, pixel: Array) -> Array:
     return np.asarray(points[:, 0], np.float64)
 
 
-def distorted(camera: Camera, pixel: Array) -> Array:
+def distort_pixels(camera: Camera, pixel: Array) -> Array:
     """Pixels (n, 2) of the camera's own image from those of the undistorted image."""
     normalised = (pixel - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
     rays, zero = np.column_stack([normalised, np.ones(len(pixel))]), np.zeros(3)
@@ -190,7 +190,7 @@ def _mud(camera: Camera, seed: int) -> Floats:
     return np.asarray((splashes + specks + fine + low)[: camera.height_px, : camera.width_px], np.float32)
 
 
-def bloomed(light: Floats) -> Floats:
+def add_bloom(light: Floats) -> Floats:
     """``light`` with bloom: saturated areas spill into their neighbourhood."""
     over = np.clip(light - 1, 0, 6)
     size = (light.shape[1] // COARSE, light.shape[0] // COARSE)
@@ -199,7 +199,7 @@ def bloomed(light: Floats) -> Floats:
     return np.asarray(light + 0.12 * cv2.resize(spill, light.shape[1::-1]), np.float32)
 
 
-def vignetted(light: Floats, vignette: Image) -> Floats:
+def add_vignette(light: Floats, vignette: Image) -> Floats:
     """``light`` with vignetting; ``vignette``: relative grey levels, 255 = no loss."""
     share = np.asarray(vignette, np.float32) / np.float32(255)
     return np.asarray(light * share * share, np.float32)

@@ -81,7 +81,7 @@ class Shake:
                 (self.sky(motion, tau_s), 0, self._horizon),
                 (self.ground(motion, tau_s), self._horizon, len(image)),
             ):
-                late[first:last] = _warped(total, matrix, first, last)
+                late[first:last] = _warp_rows(total, matrix, first, last)
             total = np.asarray(cv2.addWeighted(total, 0.5, late, 0.5, 0), np.float32)
         return np.asarray(cv2.convertScaleAbs(total), np.uint8)
 
@@ -94,7 +94,7 @@ class Shake:
         return min(max(math.ceil(math.log2(max(path_px / FINEST_PX, 1))), 1), MAX_WARPS)
 
 
-def _warped(image: Floats, source_from_pixel: Array, first: int, last: int) -> Floats:
+def _warp_rows(image: Floats, source_from_pixel: Array, first: int, last: int) -> Floats:
     if first >= last:
         return image[first:last]
     matrix = source_from_pixel @ np.array([[1, 0, 0], [0, 1, first], [0, 0, 1]])

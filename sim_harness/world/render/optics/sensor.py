@@ -50,7 +50,7 @@ def _pool() -> Floats:
     return np.asarray(noise / noise.std(), np.float32)
 
 
-def coded(image: Image, quality: float) -> Image:
+def code_jpeg(image: Image, quality: float) -> Image:
     """``image`` after JPEG coding at ``quality``, 1..100."""
     _, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, round(quality)])
     return np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), np.uint8)

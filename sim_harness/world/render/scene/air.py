@@ -52,7 +52,7 @@ def rain(light: Floats, view: View, shot: Shot, count: float, exposure_s: float)
     rng = np.random.default_rng((shot.seed, shot.frame, 11))
     shutter_s = max(RAIN_SHUTTER_S, exposure_s)
     ends, depth = _paths(view, shot, rng, round(count), RAIN_MPS, shutter_s)
-    mask = _drawn(light, ends, depth, ((5, 99, 34, 1), (2.2, 5, 44, 1), (0, 2.2, 34, 2)))
+    mask = _draw_paths(light, ends, depth, ((5, 99, 34, 1), (2.2, 5, 44, 1), (0, 2.2, 34, 2)))
     cover = in_colour(np.asarray(mask * np.float32(1 / 255), np.float32))
     bright = STREAK_LIGHT * float(np.mean(light[: len(light) // 3])) + 0.25 * float(np.mean(light))
     return np.asarray(light + cover * (np.float32(bright) - 0.5 * light), np.float32)
@@ -63,14 +63,14 @@ def snowfall(light: Floats, view: View, shot: Shot, count: float, exposure_s: fl
     rng = np.random.default_rng((shot.seed, shot.frame, 12))
     ends, depth = _paths(view, shot, rng, round(count), SNOW_MPS, max(SNOW_SHUTTER_S, exposure_s))
     ranges = ((6, 99, 120, 1), (3.5, 6, 210, 1), (1.8, 3.5, 210, 2), (0, 1.8, 150, 4))
-    mask = _drawn(light, ends, depth, ranges)
+    mask = _draw_paths(light, ends, depth, ranges)
     mask = np.asarray(cv2.GaussianBlur(mask, (3, 3), 0), np.uint8)
     cover = in_colour(np.asarray(mask * np.float32(1 / 255), np.float32))
     white = 1.05 * float(np.mean(light[: len(light) // 3])) + 0.08 * float(np.mean(light))
     return np.asarray(light + cover * (np.float32(white) - light), np.float32)
 
 
-def _drawn(
+def _draw_paths(
     light: Floats, ends: Pixels, depth: Array, ranges: Sequence[tuple[float, float, int, int]]
 ) -> Image:
     """A mask of the paths of particles; ``ranges``: nearest and farthest depth, strength and width."""

@@ -48,7 +48,7 @@ class Backdrop:
         rows = (v - horizon_row + HEIGHT - BELOW).astype(np.float32)
         image[:] = self._ahead(columns, rows, yaw_rad)
 
-    def mirrored(self, yaw_rad: float) -> Image:
+    def mirror_image(self, yaw_rad: float) -> Image:
         """The backdrop mirrored below the horizon as in still water, BGR, black above."""
         below = self._ahead(*self._mirror, yaw_rad)
         image = np.zeros((self._camera.height_px, self._camera.width_px, 3), np.uint8)

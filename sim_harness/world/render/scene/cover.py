@@ -25,4 +25,4 @@ def behind(image: Image, cover_m: Floats | None, reach_m: float) -> Iterator[Non
 
 def camera_at(camera: Camera, relief: Relief | None, x_m: float, y_m: float) -> Camera:
     """The camera as it sees a thing on the ground at (x, y) in vehicle axes."""
-    return camera if relief is None else relief.lifted(x_m, y_m)
+    return camera if relief is None else relief.camera_at(x_m, y_m)

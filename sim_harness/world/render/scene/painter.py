@@ -105,16 +105,17 @@ class Painter:
                     (x1, side * upper, z1),
                     (x0, side * upper, z1),
                 ]
-                self.face(corners, shaded(bgr, 0.75))
+                self.face(corners, shade_colour(bgr, 0.75))
         if self._eye[2] > z1:
             self.face(
-                [(x0, -upper, z1), (x1, -upper, z1), (x1, upper, z1), (x0, upper, z1)], shaded(bgr, 1.25)
+                [(x0, -upper, z1), (x1, -upper, z1), (x1, upper, z1), (x0, upper, z1)],
+                shade_colour(bgr, 1.25),
             )
         if not (self.faces_rear(x0) or self.faces_front(x1)):
             return
         end = x0 if self.faces_rear(x0) else x1
         corners = [(end, -lower, z0), (end, lower, z0), (end, upper, z1), (end, -upper, z1)]
-        self.face(corners, shaded(bgr, 0.95))
+        self.face(corners, shade_colour(bgr, 0.95))
 
     def project(self, corners: Array) -> Pixels:
         """Fixed-point pixels of a polygon in the thing's axes, (n, 3), clipped to the part in front of the lens."""
@@ -135,5 +136,5 @@ def _before(polygon: Array, depth_m: float) -> Array:
     return np.array(kept).reshape(-1, 3)
 
 
-def shaded(bgr: Colour, share: float) -> tuple[float, ...]:
+def shade_colour(bgr: Colour, share: float) -> tuple[float, ...]:
     return tuple(min(share * channel, 255) for channel in bgr)

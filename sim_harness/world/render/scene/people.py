@@ -14,7 +14,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.painter import NEAR_M, SHIFT, Colour, Painter, Pixels, Pose, shaded
+from sim_harness.world.render.scene.painter import NEAR_M, SHIFT, Colour, Painter, Pixels, Pose, shade_colour
 from trepid.car.camera import Camera
 from trepid.types import Image
 
@@ -162,13 +162,13 @@ def _draw_part(image: Image, painter: Painter, part: Part, *, upwards: float) ->
     thick_px = painter.focal_px * max(radius for _, radius in part.balls) / depth_m
     lit = thick_px >= LIT_FROM_PX
     hull = _hull(painter, part, 1.0)
-    cv2.fillConvexPoly(image, hull, shaded(part.bgr, SHADE if lit else 0.95), cv2.LINE_AA, SHIFT)
+    cv2.fillConvexPoly(image, hull, shade_colour(part.bgr, SHADE if lit else 0.95), cv2.LINE_AA, SHIFT)
     if lit:
         for share, tone in ((0.5, 0.95), (1.0, LIT)):
             size = 1.0 - (1.0 - LIT_SHARE) * share
             shift = (-LIT_SHIFT * share, -LIT_SHIFT * share * 0.5 * upwards)
             hull = _hull(painter, part, size, shift)
-            cv2.fillConvexPoly(image, hull, shaded(part.bgr, tone), cv2.LINE_AA, SHIFT)
+            cv2.fillConvexPoly(image, hull, shade_colour(part.bgr, tone), cv2.LINE_AA, SHIFT)
 
 
 def _draw_ring(image: Image, painter: Painter, ring: UprightWheel) -> None:
@@ -204,7 +204,7 @@ def _one_of(rng: np.random.Generator, colours: tuple[Colour, ...]) -> Colour:
     return colours[int(rng.integers(len(colours)))]
 
 
-def _turned(start: Point, length_m: float, angle_rad: float) -> Point:
+def _limb_end(start: Point, length_m: float, angle_rad: float) -> Point:
     """The end of a limb that hangs from ``start``, swung forwards by an angle."""
     return (start[0] + length_m * math.sin(angle_rad), start[1], start[2] - length_m * math.cos(angle_rad))
 
@@ -232,8 +232,8 @@ def _person(figure: Figure, clothes: Clothes) -> Iterator[Part]:
     hip_z = 0.53 * tall - sink_m
     for (side, turn), angle in zip(legs, bent, strict=True):
         hip = (0.0, side * 0.05 * tall * stout, hip_z)
-        knee = _turned(hip, 0.245 * tall, angle + 0.35 * amplitude * max(math.cos(turn), 0.0))
-        ankle = _turned(knee, 0.246 * tall, angle - 0.9 * amplitude * max(math.cos(turn), 0.0))
+        knee = _limb_end(hip, 0.245 * tall, angle + 0.35 * amplitude * max(math.cos(turn), 0.0))
+        ankle = _limb_end(knee, 0.246 * tall, angle - 0.9 * amplitude * max(math.cos(turn), 0.0))
         yield _limb(hip, knee, 0.052 * tall * stout, 0.036 * tall * stout, clothes.trousers)
         shin = clothes.skin if clothes.bare_legs else clothes.trousers
         yield _limb(knee, ankle, 0.035 * tall * stout, 0.024 * tall * stout, shin)
@@ -243,8 +243,8 @@ def _person(figure: Figure, clothes: Clothes) -> Iterator[Part]:
     yield from _trunk((0.0, 0.0, hip_z), (0.01 * tall, 0.0, top_z), tall, stout, clothes)
     for (side, _), angle in zip(legs, bent, strict=True):
         shoulder = (0.0, side * (figure.width_m / 2 - 0.032 * tall), top_z - 0.01 * tall)
-        elbow = _turned(shoulder, 0.18 * tall, -0.8 * angle)
-        wrist = _turned(elbow, 0.15 * tall, -0.8 * angle + 0.25 + 0.4 * amplitude)
+        elbow = _limb_end(shoulder, 0.18 * tall, -0.8 * angle)
+        wrist = _limb_end(elbow, 0.15 * tall, -0.8 * angle + 0.25 + 0.4 * amplitude)
         yield from _arm(shoulder, elbow, wrist, tall * stout, clothes)
     yield from _head((0.015 * tall, 0.0, tall - head_m - sink_m), head_m, clothes)
 
@@ -343,8 +343,8 @@ def _animal(figure: Figure, coat: Colour) -> Iterator[Part]:
     for x, side, turn in ((front_x, 1, 0.0), (front_x, -1, 3.1), (rear_x, 1, 3.6), (rear_x, -1, 0.5)):
         hip = (x, side * 0.28 * wide_m, back_z - deep_m)
         angle = amplitude * math.sin(phase + turn)
-        knee = _turned(hip, 0.48 * (back_z - deep_m), angle + (-0.12 if x < 0 else 0.05))
-        foot = _turned(knee, 0.50 * (back_z - deep_m), angle + (0.15 if x < 0 else -0.05))
+        knee = _limb_end(hip, 0.48 * (back_z - deep_m), angle + (-0.12 if x < 0 else 0.05))
+        foot = _limb_end(knee, 0.50 * (back_z - deep_m), angle + (0.15 if x < 0 else -0.05))
         foot = (foot[0], foot[1], max(foot[2], 0.02))
         yield _limb(hip, knee, (0.58 if x < 0 else 0.42) * deep_m, 0.034, coat)
         yield _limb(knee, foot, 0.028, 0.020, coat)

@@ -48,7 +48,7 @@ class Relief:
         level_m = heights_m - heights_m[0] - self.grade * (farther_m - forward_m[0])
         self._profile = farther_m, level_m
         up_m = self.lift_m(_AHEAD_M)
-        depth_m, row = self._seen(_AHEAD_M, up_m)
+        depth_m, row = self._ground_rows(_AHEAD_M, up_m)
         visible = row < np.concatenate([[np.inf], np.minimum.accumulate(row)[:-1]])
         self._rows, self._seen_m = row[visible][::-1], _AHEAD_M[visible][::-1]
         self._depth_m = depth_m[visible][::-1]
@@ -78,12 +78,12 @@ class Relief:
         camera = self._camera
         return camera.cy_px - camera.fy_px * math.tan(camera.pitch_down_rad - math.atan(self.grade))
 
-    def lifted(self, x_m: float, y_m: float) -> Camera:
+    def camera_at(self, x_m: float, y_m: float) -> Camera:
         """The camera as it sees a thing on the ground at (x, y): lower by the height of the ground there."""
         height_m = self._camera.height_m - self.lift_at(x_m, y_m)
         return self._camera.model_copy(update={"height_m": height_m})
 
-    def _seen(self, ahead_m: Array, up_m: Array) -> tuple[Array, Array]:
+    def _ground_rows(self, ahead_m: Array, up_m: Array) -> tuple[Array, Array]:
         """Optical depth and row of the ground."""
         camera = self._camera
         cos, sin = math.cos(camera.pitch_down_rad), math.sin(camera.pitch_down_rad)

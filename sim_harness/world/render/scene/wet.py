@@ -31,7 +31,7 @@ class WetRoad:
     def mirror(self, light: Floats, shot: Shot, wet: float) -> Floats:
         """``light`` with the reflections of a road of wetness ``wet`` (0..1), in place."""
         share = self._view.fresnel * self._shine(shot, wet)
-        mirrored = self._backdrop.mirrored(shot.pose[2])
+        mirrored = self._backdrop.mirror_image(shot.pose[2])
         for pose, body in shot.vehicles:
             camera = camera_at(self._view.camera, shot.relief, *pose[:2])
             draw_lead(mirrored, camera, body, pose, mirrored=True)

@@ -13,7 +13,7 @@ from sim_harness.cli import app
 from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.disturbance_table import DisturbanceTable, at, load_table
-from sim_harness.world.roads.disturbances import RAMP_M, Disturbance, DisturbanceKind, disturbed, grades_at
+from sim_harness.world.roads.disturbances import RAMP_M, Disturbance, DisturbanceKind, disturb, grades_at
 from sim_harness.world.roads.road import Road, RoadSettings
 from trepid.config import InputError
 
@@ -59,15 +59,15 @@ def test_quantities_are_linear_between_the_grades():
 @given(KINDS, st.floats(0.1, 5), st.floats(0, 900), st.floats(5, 400))
 def test_painting_a_disturbance_is_idempotent_and_gives_a_valid_road(kind, grade, from_m, run_m):
     disturbance = Disturbance(kind=kind, grade=grade, from_m=from_m, to_m=from_m + run_m)
-    once = disturbed(CIRCUIT, [disturbance])
-    assert disturbed(once, [disturbance]) == once
+    once = disturb(CIRCUIT, [disturbance])
+    assert disturb(once, [disturbance]) == once
     assert RoadSettings.model_validate({**dict(once)}) == once
 
 
 def test_grade_0_and_kinds_in_the_air_leave_the_road_unchanged():
-    assert disturbed(CIRCUIT, [Disturbance(kind=kind, grade=0) for kind in DisturbanceKind]) == CIRCUIT
+    assert disturb(CIRCUIT, [Disturbance(kind=kind, grade=0) for kind in DisturbanceKind]) == CIRCUIT
     assert (
-        disturbed(CIRCUIT, [Disturbance(kind=kind, grade=5) for kind in ("fog", "night", "noise")]) == CIRCUIT
+        disturb(CIRCUIT, [Disturbance(kind=kind, grade=5) for kind in ("fog", "night", "noise")]) == CIRCUIT
     )
 
 
@@ -85,7 +85,7 @@ def test_grade_0_and_kinds_in_the_air_leave_the_road_unchanged():
 def test_kinds_on_the_ground_are_painted_in_their_stretch_and_grow_with_the_grade(kind, field):
     shares = []
     for grade in range(1, 6):
-        road = Road(disturbed(CIRCUIT, [Disturbance(kind=kind, grade=grade, from_m=60, to_m=120)]))
+        road = Road(disturb(CIRCUIT, [Disturbance(kind=kind, grade=grade, from_m=60, to_m=120)]))
         inside, before, behind = (getattr(road.section_at(s), field) for s in (90.0, 40.0, 180.0))
         assert (before, behind) == (0, 0)
         shares.append(inside)
@@ -95,7 +95,7 @@ def test_kinds_on_the_ground_are_painted_in_their_stretch_and_grow_with_the_grad
 def test_a_split_section_keeps_its_name_its_dashes_and_its_widths():
     section = CIRCUIT.sections[0].model_copy(update={"lane_width_m": (3.4, 3.0), "start_m": 0})
     road = CIRCUIT.model_copy(update={"sections": (section,)})
-    parted = disturbed(road, [Disturbance(kind="wet_road", grade=3, from_m=300, to_m=500)])
+    parted = disturb(road, [Disturbance(kind="wet_road", grade=3, from_m=300, to_m=500)])
     assert {part.name for part in parted.sections} == {section.name} and len(parted.sections) == 3
     period_m = section.left.dash_m + section.left.gap_m
     assert all(part.start_m % period_m == pytest.approx(0, abs=1e-9) for part in parted.sections)

@@ -78,7 +78,7 @@ def test_several_drives_at_a_time_give_every_episode_one_row_and_repeat_what_a_d
             raise InputError("the drive did not begin")
         return [row(fault.name, wire=wire, number=number) for fault, number in faults[: 1 if short else None]]
 
-    monkeypatch.setattr(bench, "driven", driven)
+    monkeypatch.setattr(bench, "drive_faults", driven)
     rows: list[dict[str, Any]] = []
     bench.drive_all(list(TASKS), jobs, rows.append)
     assert sorted(map(case, map(bench.task_of, rows))) == sorted(map(case, TASKS))
@@ -89,7 +89,7 @@ def test_drives_that_never_begin_end_the_benchmark(monkeypatch: pytest.MonkeyPat
     def driven(*_: object) -> list[dict[str, Any]]:
         raise InputError("no bus")
 
-    monkeypatch.setattr(bench, "driven", driven)
+    monkeypatch.setattr(bench, "drive_faults", driven)
     with pytest.raises(InputError, match=r"4 drives in a row gave no episode; the last one: no bus"):
         bench.drive_all(list(TASKS), 2, lambda row: None)
 
@@ -109,7 +109,7 @@ def test_one_wire_that_never_begins_ends_the_benchmark_beside_one_that_does(
         wire = WIRES[sum(begun.values()) % len(WIRES)]
         return [next(task for task in left if task[0] == wire)]
 
-    monkeypatch.setattr(bench, "driven", driven)
+    monkeypatch.setattr(bench, "drive_faults", driven)
     monkeypatch.setattr(bench, "next_drive", in_turns)
     with pytest.raises(InputError, match=f"{CAN}: {FAILURES} drives in a row gave no episode; .* no bus"):
         bench.drive_all(list(TASKS), 1, lambda row: None)
@@ -130,7 +130,7 @@ def test_the_rows_of_a_drive_are_kept_when_one_that_ended_with_it_fails(
         wait(running)
         return SimpleNamespace(done=list(running))  # the one that fails is the first
 
-    monkeypatch.setattr(bench, "driven", driven)
+    monkeypatch.setattr(bench, "drive_faults", driven)
     monkeypatch.setattr(bench, "next_drive", lambda left: left[:1])
     monkeypatch.setattr(bench, "wait", all_in_order)
     rows: list[dict[str, Any]] = []

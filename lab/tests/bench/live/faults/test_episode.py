@@ -3,7 +3,7 @@
 import pytest
 
 from lab.bench.live.faults.catalogue import FAULTS, OUTPUTS, PERIODS_S, STARVED
-from lab.bench.live.faults.episode import Events, Place, braked_s, judged, observable_s
+from lab.bench.live.faults.episode import Events, Place, braking_time_s, judge_episode, observable_s
 
 INJECTED_S = 10.0
 CALM = [(9.0 + 0.01 * n, 0.02 * (n % 3)) for n in range(101)]
@@ -24,17 +24,17 @@ def places(stand_s: float, *, departs_s: float = 99.0) -> list[Place]:
 
 
 def test_the_brake_begins_with_the_first_command_of_its_ramp() -> None:
-    assert braked_s([*CALM, *ramp(10.2)], injected_s=INJECTED_S) == pytest.approx(10.2)
+    assert braking_time_s([*CALM, *ramp(10.2)], injected_s=INJECTED_S) == pytest.approx(10.2)
 
 
 def test_a_brake_that_is_released_before_it_bites_is_not_the_one_that_stops_the_car() -> None:
     touched = [(10.1, -0.1), (10.2, -0.2), (10.3, 0.0)]
-    assert braked_s([*CALM, *touched, *ramp(10.5)], injected_s=INJECTED_S) == pytest.approx(10.5)
+    assert braking_time_s([*CALM, *touched, *ramp(10.5)], injected_s=INJECTED_S) == pytest.approx(10.5)
 
 
 def test_the_noise_of_the_speed_control_is_no_brake() -> None:
     noise = [(10.0 + 0.01 * n, -0.2 * (n % 2)) for n in range(100)]
-    assert braked_s([*CALM, *noise], injected_s=INJECTED_S) is None
+    assert braking_time_s([*CALM, *noise], injected_s=INJECTED_S) is None
 
 
 def test_a_killed_process_is_observable_at_once() -> None:
@@ -80,7 +80,7 @@ def test_starvation_is_observable_at_the_first_gap_of_two_periods_of_any_process
 
 def test_a_fault_that_never_showed_has_no_reaction_time() -> None:
     events = Events(applied=[*CALM, *ramp(10.2)], places=places(13.0))
-    row = judged(FAULTS["corrupt-cv"], events, injected_s=INJECTED_S)
+    row = judge_episode(FAULTS["corrupt-cv"], events, injected_s=INJECTED_S)
     assert (row["observable_ms"], row["reaction_ms"]) == (None, None)
     assert row["braked_ms"] == pytest.approx(200.0)
 
@@ -88,19 +88,23 @@ def test_a_fault_that_never_showed_has_no_reaction_time() -> None:
 def test_the_reaction_runs_from_the_observable_fault_to_the_brake_on_the_car() -> None:
     events = Events(applied=[*CALM, *ramp(10.2)], places=places(13.0))
     events.marks_s[FAULTS["corrupt-cv"].key] = [10.12]
-    row = judged(FAULTS["corrupt-cv"], events, injected_s=INJECTED_S)
+    row = judge_episode(FAULTS["corrupt-cv"], events, injected_s=INJECTED_S)
     assert row["reaction_ms"] == pytest.approx(80.0)
     assert row["stood_s"] == pytest.approx(3.0, abs=0.11)
     assert row["departures"] == 0
 
 
 def test_only_departures_after_the_injection_count() -> None:
-    early = judged(FAULTS["kill-cv"], Events(places=places(13.0, departs_s=9.5)), injected_s=INJECTED_S)
-    late = judged(FAULTS["kill-cv"], Events(places=places(13.0, departs_s=11.0)), injected_s=INJECTED_S)
+    early = judge_episode(
+        FAULTS["kill-cv"], Events(places=places(13.0, departs_s=9.5)), injected_s=INJECTED_S
+    )
+    late = judge_episode(
+        FAULTS["kill-cv"], Events(places=places(13.0, departs_s=11.0)), injected_s=INJECTED_S
+    )
     assert (early["departures"], late["departures"]) == (0, 1)
 
 
 def test_a_car_that_drives_on_has_neither_brake_nor_standstill() -> None:
     events = Events(applied=[*CALM, *((10.0 + 0.01 * n, 0.0) for n in range(300))], places=places(30.0))
-    row = judged(FAULTS["disk-full"], events, injected_s=INJECTED_S)
+    row = judge_episode(FAULTS["disk-full"], events, injected_s=INJECTED_S)
     assert (row["braked_ms"], row["stood_s"], row["departures"]) == (None, None, 0)

@@ -9,9 +9,9 @@ from lab.bench.live.faults.catalogue import Act
 from lab.bench.live.faults.inside import (
     FaultyPublisher,
     Host,
-    Hosted,
+    HostOptions,
     Order,
-    restamped,
+    restamp,
 )
 from trepid.clock import stamp_of, stamper
 from trepid.messages import Frame, VehicleState
@@ -34,7 +34,7 @@ class Sender:
 
     def __init__(self, folder: Path, key: str = COMMAND.key) -> None:
         self.now_s = 100.0
-        self.host = Host(Hosted(hosted="", control=folder), "controller", lambda: self.now_s)
+        self.host = Host(HostOptions(hosted="", control=folder), "controller", lambda: self.now_s)
         self.marks = self.host._marks = Wire()
         self.wire = Wire()
         self._publisher = FaultyPublisher(self.wire, key, self.host)
@@ -126,7 +126,7 @@ def test_stamps_that_step_leave_the_clock_of_a_simulation_alone(tmp_path: Path) 
 
 def test_a_restamped_message_keeps_its_number_and_publisher() -> None:
     attachment = stamper(lambda: 7.0)()
-    before, after = stamp_of(attachment), stamp_of(restamped(attachment, 1.0))
+    before, after = stamp_of(attachment), stamp_of(restamp(attachment, 1.0))
     assert (after.sequence, after.publisher) == (before.sequence, before.publisher)
     assert after.published_s == pytest.approx(8.0)
 
@@ -138,5 +138,5 @@ def test_an_order_is_read_from_the_file_of_the_process(tmp_path: Path) -> None:
     sender.host.read()
     assert sender.host.order == order
     assert sender.host.renewing()
-    sender.host.renewed()
+    sender.host.renew()
     assert not sender.host.renewing()

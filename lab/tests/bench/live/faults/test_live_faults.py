@@ -5,14 +5,14 @@ import threading
 import pytest
 
 from lab.bench.live.faults.catalogue import CAN, FAULTS, SIM
-from lab.bench.live.faults.flow import driven
+from lab.bench.live.faults.flow import drive_faults
 
 pytestmark = pytest.mark.processes
 
 
 @pytest.mark.parametrize(("wire", "name"), [(SIM, "kill-controller"), (CAN, "kill-vehicle")])
 def test_the_car_stops_in_its_lane_and_leaves_nothing_behind(wire: str, name: str) -> None:
-    rows = driven(wire, [(FAULTS[name], 0)], threading.Event())
+    rows = drive_faults(wire, [(FAULTS[name], 0)], threading.Event())
     if not rows:
         pytest.skip("the car does not come to its speed on this machine")
     (row,) = rows

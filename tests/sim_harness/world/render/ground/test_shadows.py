@@ -18,7 +18,7 @@ def shade(road: Road, *, blocks: int = 4) -> np.ndarray:
     stations = [(index * ROWS + np.arange(ROWS) + 0.5) * PIXEL_M for index in range(blocks)]
     lit = np.full((ROWS, GRID.columns), 255)
     shades = [shadows.shade(index, station) for index, station in enumerate(stations)]
-    lane = GRID.touched(-1.7, 1.7)
+    lane = GRID.columns_between(-1.7, 1.7)
     return np.vstack([lit if part is None else part for part in shades])[:, lane]
 
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim_harness.world.render.optics.sensor import coded, noise_sigma, noisy
+from sim_harness.world.render.optics.sensor import code_jpeg, noise_sigma, noisy
 
 
 @pytest.mark.parametrize("gain", [4.0, 30.0])
@@ -24,4 +24,4 @@ def test_jpeg_of_full_quality_changes_little():
     image = cv2.GaussianBlur(
         np.random.default_rng(0).integers(0, 255, (64, 64, 3)).astype(np.uint8), (9, 9), 0
     )
-    assert np.abs(coded(image, 100).astype(int) - image).mean() < 2
+    assert np.abs(code_jpeg(image, 100).astype(int) - image).mean() < 2
