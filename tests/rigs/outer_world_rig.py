@@ -42,7 +42,10 @@ with process() as me, open_bus("world", me.now_s, connect=me.options["world"]) a
     inside = me.bus
     me.options = {**me.options, "scenario": me.options["seen"], "seed": 0}
     me.bus = SimpleNamespace(
-        latest=world.latest, wait=world.wait, publisher=inside.publisher, malformed=inside.malformed
+        latest=world.latest,
+        wait=world.wait,
+        publisher=inside.publisher,
+        malformed_counts=inside.malformed_counts,
     )
     run(me)
 '''
