@@ -7,9 +7,17 @@ from typing import Any
 import numpy as np
 
 from cockpit.export.table import Table
-from trepid.images.figure_style import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILION, bare, new_figure, save
+from trepid.images.figure_style import (
+    FEAR_COLOURS,
+    GREY,
+    INK,
+    PATH,
+    bare,
+    estimator_colours,
+    new_figure,
+    save,
+)
 
-OTHERS = (SKY, ORANGE, GREEN, GREY)  # colours of the estimators
 SIZE_IN = (10.0, 8.0)
 
 
@@ -24,15 +32,15 @@ def write_figure(rows: Table, estimators: list[str], out: Path, title: str) -> N
         values = np.array([math.nan if value is None else value for value in rows[name]], dtype=np.float64)
         axes.plot(t_s, values, color=colour, label=text, **style)
 
-    line(fear, "fear", "fear", VERMILION)
+    line(fear, "fear", "fear", FEAR_COLOURS[-1])
     fear.set(ylabel="fear", ylim=(-0.03, 1.03))
     line(speed, "speed_cap_mps", "speed cap", GREY, linestyle="--")
-    line(speed, "speed_mps", "speed", BLUE)
+    line(speed, "speed_mps", "speed", INK)
     speed.set(ylabel="speed [m/s]")
     for axes, name in ((error, "lateral_offset_m"), (curvature, "curvature_1pm")):
-        for number, one in enumerate(estimators):
-            line(axes, f"{one}_{name}", one, OTHERS[number % len(OTHERS)], linewidth=1)
-        line(axes, f"path_{name}", "fused path", BLUE)
+        for one, colour in estimator_colours(estimators).items():
+            line(axes, f"{one}_{name}", one, colour, linewidth=1)
+        line(axes, f"path_{name}", "fused path", PATH)
     error.set(ylabel="offset from the lane\ncentre [m], + left")
     curvature.set(ylabel="curvature [1/m],\n+ left", xlabel="time since the start of the drive [s]")
     for axes in (fear, speed, error, curvature):

@@ -11,7 +11,7 @@ from cockpit.logbook.story import Story
 from supervisor.rules.rule_file import LEVELS
 from trepid.causes import concerning
 from trepid.config import InputError
-from trepid.images.figure_style import BLUE, FIVE, GREEN, ORANGE, SKY, new_figure
+from trepid.images.figure_style import FEAR_COLOURS, estimator_colours, new_figure
 from trepid.messages import SteeringEstimate
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 WIDTH_IN, PANEL_IN = 8.0, 1.6
 SHOWN_RULES = 3
-_LINES = (BLUE, ORANGE, GREEN, SKY)  # of the estimators
 _WRAP = 124  # characters of a rule
 
 
@@ -39,8 +38,9 @@ def moment_figure(drive: Recall, story: Story) -> "Figure":
     share = image_in / (image_in + PANEL_IN)
     camera = figure.add_axes((0.0, 1.0 - share, 1.0, share))
     camera.imshow(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), interpolation="bicubic", aspect="auto")
-    for (name, estimate), colour in zip(drive.estimates_of(frame).items(), _LINES, strict=False):
-        _draw_lane(camera, estimate, name, colour)
+    estimates = drive.estimates_of(frame)
+    for name, colour in estimator_colours(list(estimates)).items():
+        _draw_lane(camera, estimates[name], name, colour)
     camera.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     camera.set_axis_off()
     if camera.get_legend_handles_labels()[0]:
@@ -68,7 +68,7 @@ def _draw_panel(axes: Any, story: Story) -> None:
     """A bar as long as fear, mode and cause, and the rules that add most to fear."""
     axes.set(xlim=(0, 1), ylim=(0, 1))
     axes.set_axis_off()
-    axes.barh(0.96, min(story["fear"], 1.0), height=0.08, color=FIVE[LEVELS.index(story["level"])])
+    axes.barh(0.96, min(story["fear"], 1.0), height=0.08, color=FEAR_COLOURS[LEVELS.index(story["level"])])
     cause = concerning(story["cause"], story["part"])
     what = f"{story['moment_s']:.2f} s   {story['mode']}   fear {story['fear']:.2f}, cause {cause}"
     axes.text(0.015, 0.74, what, fontsize=13, fontweight="bold", va="center")

@@ -7,7 +7,7 @@ import numpy as np
 
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import LEVELS, Input
-from trepid.images.figure_style import FIVE, GREY, INK, MAP, bare, new_figure
+from trepid.images.figure_style import FEAR_COLOURS, GREY, INK, MAP, bare, new_figure
 from trepid.types import Column
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def _draw_sets(axes: Any, name: str, spec: Input) -> None:
     from supervisor.rules.scikit import stated_degrees  # imports scikit-fuzzy, 0.5 s
 
     low, high = shown_range(spec)
-    colours = FIVE if spec.risk == "rising" else FIVE[::-1]
+    colours = FEAR_COLOURS if spec.risk == "rising" else FEAR_COLOURS[::-1]
     for level, colour in zip(LEVELS, colours, strict=True):
         corners = [x for x, _ in spec.shapes[level].corners() if low < x < high]
         x = np.union1d(np.linspace(low, high, 400), corners)
@@ -107,7 +107,7 @@ def _draw_speed(axes: Any, rules: FearRules) -> None:
     """Speed factor and mode over fear."""
     fear = np.linspace(0.0, 1.0, 201)
     axes.plot(fear, [rules.speed_factor(float(f)) for f in fear], color=INK, linewidth=1.6)
-    for action, colour in zip(rules.file.fear.all, FIVE, strict=True):
+    for action, colour in zip(rules.file.fear.all, FEAR_COLOURS, strict=True):
         axes.plot([action.at] * 2, [0, action.speed_factor], color=colour, linewidth=1.6)
         side = "right" if action.at > 0.9 else "left"
         offset = -3 if side == "right" else 3
@@ -136,10 +136,10 @@ def _cell(axes: Any, title: str, text: str, x_label: str, x_range: tuple[float, 
 def _legend(figure: "Figure") -> None:
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], color=colour, linewidth=2.5) for colour in FIVE]
-    labels = [f"risk {number}" for number in range(1, len(FIVE) + 1)]
+    handles = [Line2D([], [], color=colour, linewidth=2.5) for colour in FEAR_COLOURS]
+    labels = [f"risk {number}" for number in range(1, len(FEAR_COLOURS) + 1)]
     figure.legend(
-        handles, labels, loc="upper right", ncols=len(FIVE), frameon=False, bbox_to_anchor=(0.99, 1.0)
+        handles, labels, loc="upper right", ncols=len(FEAR_COLOURS), frameon=False, bbox_to_anchor=(0.99, 1.0)
     )
     height_in = figure.get_size_inches()[1]
     figure.text(0.02, 1 - 0.25 / height_in, "Sets of the inputs", fontsize=14, fontweight="bold")

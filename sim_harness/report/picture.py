@@ -18,6 +18,7 @@ from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.images.figure_style import FEAR_COLOURS
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Array, Image
 
@@ -26,7 +27,7 @@ VIEWS = 8
 WARM_UP_S, FRAME_EVERY = 1.5, 4  # of the estimator before a view: time, and samples between its frames
 STRETCH = 10  # samples of the path with one colour
 LABEL_SHARE = 0.03  # of the road's length: labels of nearer places stand below each other
-FEAR_COLOURS = LinearSegmentedColormap.from_list("fear", ["#009e73", "#f0c000", "#c62828"])
+FEAR_MAP = LinearSegmentedColormap.from_list("fear", FEAR_COLOURS)
 MAX_ERROR_M, MAX_CURVATURE_1PM = 0.5, 0.08
 
 
@@ -167,4 +168,4 @@ def _time_series(panels: Iterable[Axes], trace: Trace) -> None:
 
 def _colour(fear: float) -> tuple[float, ...]:
     """Colour from green at fear 0 through yellow to red at 1; grey where unknown."""
-    return FEAR_COLOURS(min(max(fear, 0.0), 1.0)) if np.isfinite(fear) else (0.6, 0.6, 0.6)
+    return FEAR_MAP(min(max(fear, 0.0), 1.0)) if np.isfinite(fear) else (0.6, 0.6, 0.6)

@@ -18,7 +18,7 @@ from supervisor.rules.inference import FearRules
 from supervisor.rules.proofs import calmest
 from supervisor.rules.rule_file import LEVELS
 from trepid.config import CONFIG_DIR, ROOT, InputError
-from trepid.images.figure_style import FIVE
+from trepid.images.figure_style import FEAR_COLOURS
 
 pytestmark = pytest.mark.long
 
@@ -53,7 +53,7 @@ def test_every_corner_of_every_set_within_the_range_is_shown() -> None:
 
 def test_the_five_levels_are_distinguishable_with_colour_blindness() -> None:
     """Neighbours differ in brightness, which every reader distinguishes."""
-    rgb = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in FIVE]
+    rgb = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in FEAR_COLOURS]
     grey = [0.114 * b + 0.587 * g + 0.299 * r for r, g, b in rgb]
     assert min(abs(a - b) for a, b in itertools.pairwise(grey)) > 20
 
@@ -69,7 +69,7 @@ def test_the_sets_are_drawn_with_their_colours_names_and_units(sets: Figure) -> 
     assert cells.keys() == {*RULES.names, "action"}
     for name, spec in RULES.inputs.items():
         colours = [line.get_color() for line in cells[name].get_lines()]
-        assert colours == list(FIVE if spec.risk == "rising" else FIVE[::-1])
+        assert colours == list(FEAR_COLOURS if spec.risk == "rising" else FEAR_COLOURS[::-1])
         assert cells[name].get_xlabel().startswith(name)
         assert spec.unit == "1" or f"[{spec.unit}]" in cells[name].get_xlabel()
 
