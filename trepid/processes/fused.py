@@ -111,7 +111,7 @@ class Heartbeats:
             now_s=self._me.now_s,
             running=self._me.running,
             ready=lambda *, values=tuple: self._values.append(values),
-            stepped=count_step,
+            count_step=count_step,
             alive=alive,
         )
         return cast(Process, part)
