@@ -65,6 +65,15 @@ def test_the_variables_of_a_style_sheet_have_the_colour_of_their_meaning(style: 
     assert len(judged) >= 2 and all(name == meaning for name, meaning in judged)
 
 
+def test_what_is_drawn_into_the_picture_of_the_page_has_the_colours_of_its_legend_on_dark_paper() -> None:
+    script = (Path(cockpit.page.__path__[0]) / "static/camera.js").read_text(encoding="utf-8")
+    drawn = dict(re.findall(r'(\w+): "(#[0-9a-f]{6})"', script))
+    dark = dict(variables(PAGE))  # the later ones
+    assert {name: drawn[name] for name in ("cv", "cnn", "path", "lead")} == {
+        name: dark[name] for name in ("cv", "cnn", "path", "lead")
+    }
+
+
 def test_the_least_and_the_greatest_fear_are_green_and_red_everywhere() -> None:
     for risk, low, high in (("risk1", 140, 175), ("risk5", 0, 10)):
         hues = [hue_deg(value) for name, value in variables(PAGE) if name == risk]

@@ -51,7 +51,7 @@ export class Path {
     if (this.pose) this.car(context, at(this.pose), this.pose[2]);
     this.bar(context, scale, height);
     const how = this.true ? "the true path in the simulator" : "by speed and yaw rate";
-    const text = `${how}, coloured by fear from blue (none) to orange`;
+    const text = `${how}, coloured by fear from green (none) over amber to red`;
     if (this.note.textContent !== text) this.note.textContent = text;
     this.canvas.setAttribute("aria-label", `Driven path of ${this.driven.toFixed(0)} metres, ${how}`);
   }
