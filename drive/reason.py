@@ -37,19 +37,29 @@ def _stop(decision: Decision) -> str:
     return "" if decision.stop is Stop.NONE else f"{decision.stop} stop: {_why(decision)}"
 
 
+def speed_limit_mps(decision: Decision, command: Command | None) -> float:
+    """The highest speed that the supervisor and the controller of ``command`` allow [m/s]."""
+    own_mps = _own_target_mps(decision, command)
+    return decision.speed_cap_mps if own_mps is None else min(own_mps, decision.speed_cap_mps)
+
+
 def _own_limit(decision: Decision, command: Command | None) -> str:
-    """What makes the controller drive clearly below the speed cap; "" where it does not, or is not known.
+    """What makes the controller drive clearly below the speed cap; "" where it does not, or is not known."""
+    target_mps = _own_target_mps(decision, command)
+    if target_mps is None or target_mps >= CLEAR * decision.speed_cap_mps:
+        return ""
+    return f"at most {target_mps:.1f} m/s: bend" if target_mps > 0.0 else STOPS
+
+
+def _own_target_mps(decision: Decision, command: Command | None) -> float | None:
+    """The speed that the controller drives at; None where it is not known.
 
     A command may be that of the decision before, which may have been a stop.
     """
     if command is None or command.t_s is None or decision.t_s is None:
-        return ""
+        return None
     behind_s, target_mps = decision.t_s - command.t_s, command.speed_mps
-    if behind_s > RECENT_S or target_mps >= CLEAR * decision.speed_cap_mps:
-        return ""
-    if target_mps > 0.0:
-        return f"at most {target_mps:.1f} m/s: bend"
-    return "" if behind_s > 0.0 else STOPS
+    return None if behind_s > RECENT_S or (target_mps <= 0.0 < behind_s) else target_mps
 
 
 def _limit_words(decision: Decision) -> str:

@@ -8,11 +8,11 @@ from cockpit.page.feed import Feed
 from cockpit.page.history import PathHistory, Timelines
 from cockpit.page.overlay import overlay
 from cockpit.page.stop import Hold
-from drive.reason import fired_rules, reason
+from drive.reason import fired_rules, reason, speed_limit_mps
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.causes import concerning, in_words
-from trepid.messages import CompressedFrame, Decision, SteeringEstimate, Timing
+from trepid.messages import Command, CompressedFrame, Decision, SteeringEstimate, Timing
 from trepid.processes.register import PROBLEMS, PROCESS
 from vehicle.driver.stop_button import STOPPED
 
@@ -68,7 +68,7 @@ class PageView:
             for name, of_one in feed.estimates.items()
         ]
         speed_mps = state.speed_mps if state else None
-        cap_mps = decision.speed_cap_mps if decision else None
+        cap_mps = speed_limit_mps(decision, feed.command.refresh()) if decision else None
         self.timelines.add(now_s, [fear, speed_mps, cap_mps, error_m, latency_ms, *confidences])
 
     def state(self, now_s: float) -> dict[str, Any]:
@@ -76,18 +76,16 @@ class PageView:
         feed = self._feed
         decision, state = _fresh_decision(feed.decision, now_s), feed.state.refresh()
         state = state if state is not None and now_s - state.t_s <= FRESH_S else None
-        report, hold = feed.report, self.hold(now_s)
+        report, hold, command = feed.report, self.hold(now_s), feed.command.refresh()
         return {
             "now": now_s,
             **self._of_drive,
             "says": "" if report is None else dict(report.values).get(PROBLEMS, report.message),
-            "because": reason(
-                decision, command=feed.command.refresh(), driver=bool(state and state.driver_override)
-            ),
+            "because": reason(decision, command=command, driver=bool(state and state.driver_override)),
             "held": hold is not None and hold.held,
             "speed": None if state is None else state.speed_mps,
             "true_error": self.track.true,
-            "decision": None if decision is None else _decision(decision),
+            "decision": None if decision is None else _decision(decision, command),
             "estimates": {name: _estimate(list(of_one), now_s) for name, of_one in feed.estimates.items()},
             "lead": self._lead(now_s),
             "latency": _spread(_latencies_ms(feed.applied, now_s)),
@@ -150,7 +148,7 @@ def _fresh_decision(decision: Decision | None, now_s: float) -> Decision | None:
     return decision if decision is not None and now_s - decision.decided_s <= FRESH_S else None
 
 
-def _decision(decision: Decision) -> dict[str, Any]:
+def _decision(decision: Decision, command: Command | None) -> dict[str, Any]:
     return {
         "mode": decision.mode,
         "stop": decision.stop,
@@ -161,7 +159,7 @@ def _decision(decision: Decision) -> dict[str, Any]:
         "cause_words": in_words(decision.cause, decision.part),
         "rules": [[text, round(strength, 3)] for text, strength in fired_rules(decision)][:RULES_SHOWN],
         "inputs": dict(zip(decision.inputs, decision.input_values, strict=False)),
-        "cap": decision.speed_cap_mps,
+        "cap": speed_limit_mps(decision, command),
         "source": decision.path_source,
         "sight": decision.sight_m,
         "sight_cause": decision.sight_cause,

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from message_rig import decision
 
-from drive.reason import DRIVER, NO_DECISION, STOPS, fired_rules, reason
+from drive.reason import DRIVER, NO_DECISION, STOPS, fired_rules, reason, speed_limit_mps
 from trepid.causes import CAUSES, IN_WORDS, Cause, in_words
 from trepid.messages import Command, Limit, Mode, Stop
 
@@ -84,6 +84,13 @@ def test_the_command_of_the_decision_before_tells_a_bend_but_no_stop_and_an_old_
     assert reason(drives, command=command(0.0, 0.96)) == reason(drives)
     assert reason(drives, command=command(4.1, 0.8)) == reason(drives)
     assert reason(drives, command=command(4.1, None)) == reason(drives)
+
+
+def test_one_limit_is_shown_the_lower_one_of_supervisor_and_controller() -> None:
+    drives = decision(0.0, t_s=1.0, limited_by=Limit.CRUISE, speed_cap_mps=8.0, mode=Mode.KEEP)
+    assert [speed_limit_mps(drives, command(target)) for target in (4.1, 9.0, 0.0)] == [4.1, 8.0, 0.0]
+    assert speed_limit_mps(drives, command(0.0, 0.96)) == speed_limit_mps(drives, None) == 8.0
+    assert speed_limit_mps(drives, command(4.1, 0.8)) == 8.0
 
 
 def test_what_a_car_waits_for_comes_before_the_speed_of_the_command() -> None:

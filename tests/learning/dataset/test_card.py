@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,6 +19,11 @@ from learning.training.labels import weights
 def made(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("drives")
     return made_dataset(folder / "set", write_tub(folder / "tub", 400, pause_after=100))
+
+
+@pytest.fixture(scope="module")
+def card(made: Dataset) -> dict[str, Any]:
+    return card_of(made)
 
 
 def turning(made: Dataset, delay: int) -> Rows:
@@ -73,8 +79,7 @@ def test_labels_without_any_motion_are_not_judged(made: Dataset) -> None:
     assert not suspicious(rows).any()
 
 
-def test_the_card_counts_stretches_and_frames(made: Dataset) -> None:
-    card = card_of(made)
+def test_the_card_counts_stretches_and_frames(card: dict[str, Any]) -> None:
     assert (card["frames"], card["stretches"], card["size"]) == (400, 2, [64, 48])
     assert card["rate_hz"] == pytest.approx(20.0, abs=0.1)
     assert sum(card["angle"]["counts"]) == 400 - card["splits"]["none"]
@@ -99,8 +104,8 @@ def test_weights_favour_rare_angles_within_their_bound() -> None:
     assert weights(angles, power=0.0) == pytest.approx(1.0)
 
 
-def test_the_card_names_the_kinds_of_road(made: Dataset) -> None:
-    road = card_of(made)["road"]
+def test_the_card_names_the_kinds_of_road(card: dict[str, Any]) -> None:
+    road = card["road"]
     assert road.keys() == {"lane lines", "edges alone", "neither"} and sum(road.values()) == pytest.approx(
         1.0
     )
