@@ -40,12 +40,12 @@ OFFERS = Offers(
             "Compare two recordings, traces, files of stored runs, or folders of them, side by side.",
         ),
         "status": Verb(
-            "cockpit.status.cli",
+            "cockpit.status_cli",
             "status",
             "Show the processes of a running drive: up, rate, age of the last heartbeat, CPU, restarts, message.",
         ),
         "service": Verb(
-            "cockpit.status.cli",
+            "cockpit.status_cli",
             "service",
             "Write a systemd unit that drives a car, with readiness and watchdog notifications.",
         ),

@@ -5,7 +5,7 @@ from trepid.packages import Offers, Verb
 OFFERS = Offers(
     verbs={
         "networks": Verb(
-            "learning.segments.cli",
+            "learning.networks_cli",
             "app",
             "Segmentation networks of lane lines and drivable area, for real roads.",
         ),

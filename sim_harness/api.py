@@ -15,8 +15,7 @@ from sim_harness.scenarios.sampling import Method
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.outcome import Outcome
-from sim_harness.sweep.plan import Plan, Selection, by_sampling, by_seeds, plan, select
-from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.plan import Plan, PlanStore, Selection, by_sampling, by_seeds, plan, select
 from sim_harness.sweep.store import Row
 from sim_harness.sweep.sweep import InPlanOrder, RunFiles, Watch, Workforce, saving, workforce
 from sim_harness.sweep.sweep import sweep as outcomes_of

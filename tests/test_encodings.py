@@ -11,7 +11,7 @@ from drive_rig import START_S, write_table, write_tub
 from rule_rig import FALLING, RISING, small_rules
 
 from cockpit.calibration.drive_log import read_log as read_identification_log
-from cockpit.compare.runs import read_runs
+from cockpit.compare.api import read_runs
 from cockpit.rulebook.fcl_export import fcl
 from cockpit.rulebook.fcl_read import parse_fcl
 from learning.dataset.build import read_log

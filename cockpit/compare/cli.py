@@ -59,7 +59,7 @@ def _meanings(kind: str) -> Mapping[str, str]:
         from cockpit.compare.drives import MEANINGS
 
         return MEANINGS
-    from sim_harness.judging.meanings import MEANINGS as OF_RUNS
+    from sim_harness.judging.metrics import MEANINGS as OF_RUNS
 
     return OF_RUNS
 

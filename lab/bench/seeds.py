@@ -15,8 +15,7 @@ import numpy as np
 
 from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios
 from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.plan import by_seeds, plan
-from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.plan import PlanStore, by_seeds, plan
 from sim_harness.sweep.sweep import sweep, workforce
 from trepid.config import WORK_DIR
 

@@ -19,8 +19,7 @@ import numpy as np
 from lab.bench.drawn_cases import drawn_scenario, random_shape
 from sim_harness.scenarios.sampling import Case
 from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.plan import plan
-from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.plan import PlanStore, plan
 from sim_harness.sweep.sweep import sweep, workforce
 from trepid.config import WORK_DIR
 

@@ -15,9 +15,8 @@ from scipy.stats import spearmanr
 from learning.dataset.dataset import Dataset
 from learning.judging import scores
 from learning.judging.baselines import Baselines
-from learning.judging.bootstrap import block_frames, intervals
 from learning.judging.predictions import JudgedModel, Predictions
-from learning.judging.scores import Angles
+from learning.judging.scores import Angles, block_frames, intervals
 from perception.net.driver import TOLERANCE_RAD
 
 COVERAGES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)

@@ -169,3 +169,39 @@ def _seconds_by_word(trace: Trace, label: str) -> dict[str, float]:
     """Seconds for which each word of a label column held, in order of first appearance."""
     held_s, codes = _hold_times_s(trace["t_s"]), trace[label]
     return {word: round(float(held_s[codes == i].sum()), 6) for i, word in enumerate(trace.words[label])}
+
+
+MEANINGS = {
+    "status": "passed when the run satisfied all its criteria; not driven when it did, but the car stood",
+    "duration_s": "simulated time of the run",
+    "distance_m": "distance along the lane centre line",
+    "departures": "a wheel was over the edge of the lane",
+    "interventions": "the car was re-centred after a departure or beyond 1 m, or a person took over",
+    "collisions": "contacts with other vehicles",
+    "autonomy_percent": "100 (1 - 6 s x interventions / duration)",
+    "max_lateral_error_m": "greatest distance of the rear axle from the lane centre",
+    "rms_lateral_error_m": "root mean square distance of the rear axle from the lane centre",
+    "max_lateral_accel_mps2": "greatest lateral acceleration at the rear axle",
+    "max_lateral_jerk_mps3": "greatest lateral jerk, mean over 0.5 s (ISO 11270)",
+    "max_r79_jerk_mps3": "greatest lateral jerk of the filtered acceleration (UN R79)",
+    "max_decel_mps2": "greatest deceleration",
+    "min_time_gap_s": "least gap to the vehicle ahead, divided by the own speed",
+    "mean_speed_mps": "distance divided by time",
+    "max_fear": "greatest fear from the start of driving",
+    "mean_fear": "mean fear over time, from the start of driving",
+    "modes": "time in each mode of the supervisor",
+    "causes": "time with each cause of fear",
+    "engaged_percent": "share of the time in a mode that drives",
+    "stop_cause": "the cause with which the last stop began",
+    "waits_for": "what the car waits for at the end",
+    "realtime_factor": "simulated time divided by computing time",
+    "trace_sha256": "hash of all samples; equal for bit-identical runs",
+    "steering_reversals_per_min": "swings of the steering wheel by at least 2 degrees (SAE J2944)",
+    "min_time_to_crossing_s": "least time until a wheel crosses the edge of the lane with the steering held",
+    "min_lane_edge_distance_m": "least distance of a wheel from the edge of the lane; negative beyond it",
+    "min_road_user_gap_m": "least distance from a person, cyclist or animal; 0 in contact",
+    "min_time_to_collision_s": "least gap divided by the closing speed",
+    "fear_lead_time_s": "shortest time of at least medium fear before a departure",
+    "fear_auroc": "probability that fear is higher before a departure than elsewhere",
+    "nuisance_slowdowns_per_km": "slow-downs by fear without a reason in the scenario",
+}

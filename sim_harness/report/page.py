@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sim_harness.judging.meanings import MEANINGS
+from sim_harness.judging.metrics import MEANINGS
 from sim_harness.report.summary import Detail
 from trepid.config import InputError
 

@@ -5,8 +5,7 @@ from collections.abc import Iterable
 
 from drive.course import NOT_DRIVEN, PASSED, why_not_driven
 from sim_harness.sweep.outcome import Outcome, is_complete
-from sim_harness.sweep.plan import Plan
-from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.plan import Plan, PlanStore
 from sim_harness.sweep.store import Row
 from sim_harness.sweep.sweep import InPlanOrder, Watch
 from trepid.loudness import note

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from sim_harness.lockstep.recording import recording
 from sim_harness.sweep.outcome import Outcome, crash_outcome, execute, perform
-from sim_harness.sweep.plan import Plan
-from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.plan import Plan, PlanStore
 from sim_harness.sweep.pool import Lost, imap_unordered
 from sim_harness.sweep.progress import SweepProgress
 from trepid.config import InputError

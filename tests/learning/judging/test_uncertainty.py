@@ -5,8 +5,8 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from learning.judging.bootstrap import block_frames, intervals
 from learning.judging.evaluate import calibration, coverage, risk_coverage, world
+from learning.judging.scores import block_frames, intervals
 
 
 def width(interval: tuple[float, float]) -> float:

@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 
-from sim_harness.judging.meanings import MEANINGS
+from sim_harness.judging.metrics import MEANINGS
 from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.report.film import Film, run_filmed

@@ -12,8 +12,7 @@ import pytest
 from sim_harness.scenarios.sampling import Case, Method
 from sim_harness.scenarios.scenario import Scenario, Sight, load_scenario
 from sim_harness.sweep.outcome import Outcome, execute, is_complete
-from sim_harness.sweep.plan import by_sampling, by_seeds, case_key, plan, select
-from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.plan import PlanStore, by_sampling, by_seeds, case_key, plan, select
 from sim_harness.sweep.sweep import InPlanOrder, in_this_process, on_processes, sweep
 from trepid.config import InputError
 

@@ -61,7 +61,7 @@ def _published_file(name: str, about: SegmentNetwork, file: Path | None) -> byte
     if about.fetch.checkpoint == "onnx":
         return content
     try:
-        from learning.segments.twinlitenet import to_onnx
+        from learning.twinlitenet import to_onnx
     except ImportError as error:
         raise InputError(
             f"network {name}: its export needs {error.name}: `pip install -e '.[train]' -c constraints.txt`"

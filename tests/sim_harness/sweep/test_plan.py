@@ -8,8 +8,7 @@ import pytest
 from sim_harness.scenarios.sampling import Case
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.sweep.outcome import crash_outcome
-from sim_harness.sweep.plan import by_seeds, plan
-from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.plan import PlanStore, by_seeds, plan
 from trepid.config import InputError
 
 SCENARIO = Scenario(name="s", description="a second", tags=["nominal"], road="straight", duration_s=1.0)

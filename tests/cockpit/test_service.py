@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cockpit.status.service import write_units
+from cockpit.service import write_units
 from trepid.config import CAR, InputError
 
 

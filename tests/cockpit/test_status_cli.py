@@ -14,8 +14,8 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from cockpit.status.attach import PROCESS, states
-from cockpit.status.cli import table
+from cockpit.attach import PROCESS, states
+from cockpit.status_cli import table
 from trepid.bus import free_endpoint, open_bus
 from trepid.cli import app
 from trepid.clock import epoch_clock, epoch_offset_ns
@@ -139,7 +139,7 @@ def test_without_a_drive_one_line_says_so(register: None) -> None:
 def test_a_launcher_that_does_not_report_is_named(
     launcher: list[Diagnostic], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cockpit.status.attach.PATIENCE_S", 0.3)
+    monkeypatch.setattr("cockpit.attach.PATIENCE_S", 0.3)
     with pytest.raises(InputError, match="sent no report for"):
         CliRunner().invoke(app, ["status"], standalone_mode=False, catch_exceptions=False)
 
@@ -173,7 +173,7 @@ def test_without_a_private_key_of_the_observer_one_line_gives_the_remedy(
 def test_a_certificate_of_another_authority_hears_nothing(
     secured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cockpit.status.attach.PATIENCE_S", 1.0)
+    monkeypatch.setattr("cockpit.attach.PATIENCE_S", 1.0)
     create(tmp_path / "foreign", [OBSERVER])
     with reporting(secured) as reports:
         reports.append(report(WELL))

@@ -8,7 +8,7 @@ import onnx
 import pytest
 import torch
 
-from learning.segments.twinlitenet import PREFIX, TwinLiteNet, to_onnx
+from learning.twinlitenet import PREFIX, TwinLiteNet, to_onnx
 from perception.segments.network import Segmenter
 from perception.segments.settings import network_description
 from trepid.config import InputError

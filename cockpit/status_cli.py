@@ -11,7 +11,7 @@ from trepid.config import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from cockpit.status.attach import State
+    from cockpit.attach import State
 
 COLUMNS = {
     "name": "name",
@@ -36,7 +36,7 @@ def status(
 
     Exit code 1 when something is wrong with a process; standard error names it.
     """
-    from cockpit.status.attach import PATIENCE_S, report_of, states
+    from cockpit.attach import PATIENCE_S, report_of, states
     from trepid.processes.register import choose, running
 
     drive = choose(endpoint, running())
@@ -94,7 +94,7 @@ def service(
     ] = False,
 ) -> int:
     """Write a systemd unit that drives a car, with readiness and watchdog notifications."""
-    from cockpit.status.service import write_units
+    from cockpit.service import write_units
 
     for path in write_units(car, out, user=user):
         print(path)

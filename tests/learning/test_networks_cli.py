@@ -7,7 +7,7 @@ import pytest
 from segment_rig import write_network
 from typer.testing import CliRunner
 
-from learning.segments.cli import app
+from learning.networks_cli import app
 from perception.segments.settings import fetched_file
 from trepid.config import InputError
 

@@ -1,1 +1,0 @@
-"""The state of running drives, and drives as services of systemd."""
