@@ -26,7 +26,7 @@ from trepid.types import Floats, Image, OpenShare
 GREY = 128
 T = TypeVar("T")
 NMS_OVERLAP = 0.5
-WIDTH_M = (1.0, 4.0)  # of vehicles: a motorcycle to a truck at an angle
+WIDTH_M = (0.7, 4.0)  # of vehicles: a motorcycle to a truck at an angle; an assumed camera errs by a fifth
 REAR_M = (1.4, 2.6)  # widths of the rears of cars to lorries
 LENGTH_M = 4.0  # of a vehicle: a longer one is taken for nearer to the lane than it is
 FARTHEST_M = 120.0

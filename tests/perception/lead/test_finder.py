@@ -148,6 +148,13 @@ def test_a_vehicle_that_stands_across_keeps_its_whole_width(near_m: float) -> No
     assert -(found.left_m - CAMERA.y_m) - found.width_m / 2 <= 0.41
 
 
+@pytest.mark.parametrize("width_m", [0.8, 2.55, 3.5])
+def test_a_motorcycle_a_truck_and_one_at_an_angle_are_vehicles(width_m: float) -> None:
+    (left, bottom), (right, _) = CAMERA.pixel_from_road([(12.0, width_m / 2), (12.0, -width_m / 2)])
+    found = on_road(CAMERA, (left, bottom - 40, right, bottom), 0.9)
+    assert found is not None and found.width_m == pytest.approx(width_m, abs=0.02)
+
+
 @pytest.mark.parametrize(
     "box", [(100.0, 60.0, 130.0, 80.0), (0.0, 100.0, 319.0, 200.0), (160.0, 90.0, 161.0, 150.0)]
 )
