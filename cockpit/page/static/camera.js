@@ -3,7 +3,7 @@ import { fitted } from "./colours.js";
 import { number } from "./panels.js";
 
 // On a picture, whatever the scheme of the page: light lines with a dark edge.
-const COLOURS = { cv: "#63bdf2", cnn: "#ff8fc4", other: "#d8d8d8", path: "#5ad1e8", lead: "#d39bf2", people: "#ffffff", edge: "rgba(0,0,0,.6)" };
+const COLOURS = { cv: "#4aaef5", cnn: "#ff6fb3", other: "#d8d8d8", path: "#38cbe8", lead: "#cf8cf5", people: "#ffffff", edge: "rgba(0,0,0,.6)" };
 const DASHES = { cv: [], cnn: [9, 6], other: [2, 5] };
 
 const OLD_S = 1;

@@ -73,7 +73,7 @@ def test_networks_learn_from_random_roads_and_drive_on_others(tmp_path, monkeypa
     for table in (AUTONOMY, FARTHEST, DEPARTURES, DRIVEN):
         assert found[table]["unmarked_bend"].keys() == {"20 mph"}
     assert found[EXACT.format(20)]["unmarked_bend"]["autonomy_percent"] == 100
-    for name in ("demonstrate", "judged", "driven"):  # nothing is done again
+    for name in ("demonstrate", "judge_training", "drive_network"):  # nothing is done again
         monkeypatch.setattr(demonstrations if name == "demonstrate" else harness, name, None)
     assert bench_imitation(seed=1, quick=True, sets=(module.HARNESS,)) == found
 
