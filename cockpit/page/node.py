@@ -100,7 +100,7 @@ async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> Non
 
 
 async def _answer_once(application: ASGIApp) -> None:
-    """Answer a request that nobody made: it loads what the first answer needs, while the process starts."""
+    """Answer a request of its own: it loads what the first answer needs, while the process starts."""
 
     async def receive() -> Message:
         return await asyncio.Future[Message]()  # it has no body, and does not disconnect
