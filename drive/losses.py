@@ -74,9 +74,7 @@ class LossReport:
         return child.alive and child.started_s > lost_s and self._clock() - child.started_s >= RUNS_S
 
 
-LONGEST_TURN_S = (
-    0.2  # of a longer turn of the launcher no more counts: it was paused, or waited for the processor
-)
+LONGEST_TURN_S = 0.2  # of a longer turn of the launcher no more counts: it was paused, or not scheduled
 
 
 class Silence:
@@ -93,10 +91,9 @@ class Silence:
         self._longest_s, self._longest_start_s = longest_s, longest_start_s
         self._turn_s = clock()
         self._listened_s = 0.0
-        self._heard: dict[
-            str, tuple[int, float | None]
-        ] = {}  # process id and time of the newest heartbeat ...
-        self._heard_at_s: dict[str, float] = {}  # ... and when they changed, of the time of listening
+        # Process id and time of the newest heartbeat, and when they changed, of the time of listening.
+        self._heard: dict[str, tuple[int, float | None]] = {}
+        self._heard_at_s: dict[str, float] = {}
 
     def silent(
         self, beats: Mapping[str, Diagnostic], *, paused: Container[str]
