@@ -29,7 +29,7 @@ export LINK_COPIES
 # Keep byte code, also where the environment says otherwise: the tests start Python hundreds of times.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup drive test long live suite wheel proof mutation lint train acados clean
+.PHONY: help setup drive test long live suite wheel docs proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
@@ -38,6 +38,7 @@ help:
 	@echo "make live    every process of a live drive killed, frozen or left alone: the tests of this kind that make test omits"
 	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
 	@echo "make wheel   build wheel and sdist, install them, and use them from an empty folder"
+	@echo "make docs    build the documentation site in out/site, with a check of its links"
 	@echo "make proof   run the long tests: 100 runs on a loaded machine, a sweep on a Dask cluster that loses a worker"
 	@echo "make mutation  mutate the limiter; its tests must fail at every mutation (15 min on two quiet cores)"
 	@echo "make lint    ruff and mypy"
@@ -91,6 +92,10 @@ suite: $(TESTED)
 wheel: $(TESTED)
 	@echo "== pytest -m wheel"
 	@$(BIN)/python -m pytest -m wheel tests/test_wheel.py $(ARGS)
+
+docs: $(TESTED)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo "== the site is out/site/index.html (search: $(BIN)/python -m mkdocs serve)"
 
 proof: $(TESTED)
 	@$(PIP) -e '.[proof]'

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import pytest
 from drawn_road_rig import road
+from page_rig import console_blocks
 from wheel_rig import Installation, built, installed
 
 from trepid.clothoid import Lane
@@ -69,6 +70,17 @@ def test_all_processes_drive_and_nothing_is_written_beside_the_packages(wheel: I
     assert row["departures"] == 0 and row["distance_m"] > 1.0, row["reasons"]
     assert wheel.files() == before
     assert set(wheel.work.iterdir()) == work
+
+
+def test_the_commands_of_the_first_fifteen_minutes_run_in_their_order(wheel: Installation) -> None:
+    lines = [line for block in console_blocks("first_drive.md") for line in block]
+    commands = [line.split()[1:] for line in lines if line.startswith("trepid ")]
+    assert len(commands) >= 8
+    for words in commands:
+        if words[0] == "drive":
+            continue  # the test above
+        done = wheel.trepid(*words)
+        assert done.returncode == 0, f"{words}: {done.stdout}{done.stderr}"
 
 
 def test_the_sdist_contains_the_same_files(
