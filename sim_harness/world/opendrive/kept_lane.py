@@ -5,7 +5,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from sim_harness.world.opendrive.lane_table import DRIVEN, ROUNDING_M, LaneSection, successor, threads
+from sim_harness.world.opendrive.lane_table import (
+    DRIVEN,
+    ROUNDING_M,
+    LaneSection,
+    permanent_lanes,
+    successor,
+    threads,
+)
 from sim_harness.world.opendrive.located_xml import Element
 from sim_harness.world.opendrive.plan_view import SLIVER_M
 from trepid.scale import PUBLIC_LANE_M
@@ -98,14 +105,14 @@ class KeptLane:
 def _lane_sections(road: Element, length_m: float) -> list[LaneSection]:
     """The lane sections of ``road`` in order, without those that begin at its end. Raises InputError."""
     found: list[LaneSection] = []
-    for element in road.need("lanes").all("laneSection"):
+    for element in permanent_lanes(road).all("laneSection"):
         section = LaneSection(element, found[-1] if found else None)
         least_m = found[-1].start_m if found else 0.0
         if section.start_m < least_m - ROUNDING_M or (not found and section.start_m > ROUNDING_M):
             raise element.error(f"s={section.start_m:g}: expected rising s from 0 on")
         found.append(section)
     if not found:
-        raise road.need("lanes").error("expected at least one <laneSection>")
+        raise permanent_lanes(road).error("expected at least one <laneSection>")
     return [section for section in found if section is found[0] or section.start_m < length_m - SLIVER_M]
 
 
@@ -129,7 +136,7 @@ def _follow_links(sections: list[LaneSection], lane: int) -> list[int]:
         following = successor(here, there, lanes[-1])
         if following is None:
             break
-        if following not in there.lanes or following * lane < 0:
+        if following not in there.lanes or following * lane <= 0:
             raise there.element.error(f"lane {lanes[-1]} ends here: expected a lane {following}")
         lanes.append(following)
     return lanes

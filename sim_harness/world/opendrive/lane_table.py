@@ -22,6 +22,7 @@ STROKES = {name: stroke for stroke, name in STROKE_NAMES.items()} | {
     **dict.fromkeys(("curb", "grass", "edge"), Stroke.NONE),
 }
 MAX_DASH_M = 100.0
+TEMPORARY = "temporary"  # layer of the lanes of roadworks, beside those of the road itself (version 1.9)
 ROUNDING_M = 1e-3  # of stations and widths in files written with few digits
 
 
@@ -52,6 +53,12 @@ def records(elements: Sequence[Element], place: str, origin_m: float = 0.0) -> l
             least_m = here.start_m - origin_m
             raise there.element.error(f"{place} runs backwards: expected at least {least_m:g}")
     return found
+
+
+def permanent_lanes(road: Element) -> Element:
+    """The <lanes> of ``road`` without roadworks. Raises InputError without one."""
+    layers = road.all("lanes")
+    return next((lanes for lanes in layers if lanes.attributes.get("layer") != TEMPORARY), road.need("lanes"))
 
 
 def active(found: Sequence[CubicRecord], s: float) -> CubicRecord | None:
@@ -98,8 +105,9 @@ class LaneSection:
 
     def link(self, lane_id: int, which: str) -> int | None:
         """The id of the linked "predecessor" or "successor" of a lane; None without a link."""
-        found = self.lanes[lane_id].first(f"link/{which}")
-        return found.integer("id") if found else None
+        links = self.lanes[lane_id].all(f"link/{which}")
+        found = [link for link in links if link.attributes.get("layer") != TEMPORARY]
+        return found[0].integer("id") if found else None
 
     def has_borders(self) -> bool:
         """Whether a lane is given by its outer border, not by its width."""
@@ -155,14 +163,14 @@ class LaneSection:
         lane = self.lanes.get(owner)
         marks = lane.all("roadMark") if lane else []
         origin_m = self.origins_m[owner] if lane else self.start_m
-        here = [mark for mark in marks if origin_m + mark.number("sOffset") <= near]
+        here = [mark for mark in marks if origin_m + mark.number("sOffset", 0.0) <= near]
         return _marking(here[-1], outwards_is_left=owner > 0) if here else Marking(stroke=Stroke.NONE)
 
     def breaks_m(self) -> Iterator[float]:
         """Stations at which a width or a marking changes."""
         for lane_id, lane in self.lanes.items():
             for element in (*lane.all("width"), *lane.all("border"), *lane.all("roadMark")):
-                yield self.origins_m[lane_id] + element.number("sOffset")
+                yield self.origins_m[lane_id] + element.number("sOffset", 0.0)
 
 
 def successor(here: LaneSection, there: LaneSection, lane: int) -> int | None:

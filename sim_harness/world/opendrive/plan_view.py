@@ -18,6 +18,7 @@ MAX_LENGTH_M = 1e5  # of one geometry
 MAX_CURVATURE_1PM = 1.0
 JOINT_M, JOINT_RAD = 0.01, 0.01  # gaps of files written with few digits
 SLIVER_M = 0.02  # a shorter piece, from rounding or from an editor, belongs to its neighbours
+LENGTH_ROUNDING_M = 1e-3  # of a difference of two stations
 SLIVER_TURN_RAD = 0.05  # by slivers between two pieces
 SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 
@@ -163,9 +164,9 @@ def _check_joint(here: Piece, there: Piece, bridged_m: float) -> None:
 
 def _length_m(element: Element) -> float:
     length_m = element.number("length", max_magnitude=MAX_LENGTH_M)
-    if length_m < 0.0:
-        raise element.error(f"length={length_m:g}: expected more than 0 m")  # 0 is a sliver
-    return length_m
+    if length_m < -LENGTH_ROUNDING_M:
+        raise element.error(f"length={length_m:g}: expected more than 0 m")
+    return max(length_m, 0.0)  # 0 is a sliver
 
 
 def _piece(element: Element, length_m: float) -> Piece:

@@ -21,7 +21,15 @@ from pydantic import ValidationError
 
 from sim_harness.world.opendrive.clothoid_fit import FittedCurve, Knot, NoFit, clothoid, fit
 from sim_harness.world.opendrive.kept_lane import KeptLane
-from sim_harness.world.opendrive.lane_table import DRIVEN, PAVED, CubicRecord, LaneSection, active, records
+from sim_harness.world.opendrive.lane_table import (
+    DRIVEN,
+    PAVED,
+    CubicRecord,
+    LaneSection,
+    active,
+    permanent_lanes,
+    records,
+)
 from sim_harness.world.opendrive.located_xml import Element, read_xml
 from sim_harness.world.opendrive.plan_view import MAX_CURVATURE_1PM, SLIVER_M, Clothoid, Piece, plan_view
 from sim_harness.world.opendrive.sections import (
@@ -78,7 +86,7 @@ def read_opendrive(path: Path, *, road: str | None = None, lane: int | None = No
 
 def _is_driven(road: Element) -> bool:
     """Whether the first lane section of ``road`` has a driving lane."""
-    first = road.first("lanes/laneSection")
+    first = permanent_lanes(road).first("laneSection") if road.first("lanes") else None
     lanes = () if first is None else (*first.all("left/lane"), *first.all("right/lane"))
     return any(lane.attributes.get("type") in DRIVEN for lane in lanes)
 
@@ -167,7 +175,7 @@ class _LaneReader:
         self._road = road
         self._pieces = plan_view(road)
         self._length_m = self._pieces[-1].start_m + self._pieces[-1].length_m
-        self._offsets = records(road.all("lanes/laneOffset"), "s")
+        self._offsets = records(permanent_lanes(road).all("laneOffset"), "s")
         shifted = [record for record in self._offsets if any(record.coefficients)]
         rule = road.attributes.get("rule", "RHT")
         if rule not in ("RHT", "LHT"):

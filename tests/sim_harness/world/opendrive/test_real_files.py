@@ -405,3 +405,43 @@ def test_a_stated_length_that_the_geometries_do_not_have_is_a_note(tmp_path):
     assert "length=120: its geometries are 80 m long" in read_opendrive(path).notes
     path.write_text(whole.replace("<road ", '<road length="80.0000004" '))
     assert not [note for note in read_opendrive(path).notes if "length" in note]
+
+
+SHIFT = '<laneOffset s="{}" a="{}" b="0" c="0" d="0"/>'
+
+
+@pytest.mark.parametrize("first", ["permanent", "temporary"])
+def test_lanes_of_roadworks_beside_those_of_the_road_change_nothing(tmp_path, first):
+    """Version 1.9: one <lanes> a layer, and one link a layer."""
+    link = '<link><successor id="-2" layer="temporary"/><successor id="-1" layer="permanent"/></link>'
+    before = section(0.0, right=lane(-1).replace("<link></link>", link))
+    after = section(50.0, right=lane(-1) + lane(-2))
+    closed = section(40.0, right=lane(-1, kind="median"))
+    layers = {
+        "permanent": f'<lanes layer="permanent">{SHIFT.format(0, 0)}{SHIFT.format(50, 0)}{before}{after}</lanes>',
+        "temporary": f'<lanes layer="temporary">{SHIFT.format(40, 0.5)}{closed}</lanes>',
+    }
+    both = "".join(layers[name] for name in sorted(layers, reverse=first == "temporary"))
+    head = f'<road id="1" junction="-1"><planView>{shapes((100.0, LINE))}</planView>'
+    settings = read_opendrive(written(tmp_path, f"{head}{both}</road>")).settings
+    assert Road(settings).length_m == pytest.approx(100.0)
+    assert settings.lane_width_m == pytest.approx(3.5)
+
+
+def test_a_geometry_shorter_than_nothing_by_rounding_is_none(tmp_path):
+    geometry = shapes((100.0, LINE)) + shapes((-1.4e-14, LINE), x=100.0).replace('s="0.0"', 's="100.0"')
+    found = read_opendrive(written(tmp_path, road("1", geometry, ONE)))
+    assert Road(found.settings).length_m == pytest.approx(100.0)
+
+
+def test_a_marking_without_a_place_is_that_of_the_whole_lane(tmp_path):
+    marked = written(tmp_path, road("1", shapes((100.0, LINE)), ONE))
+    with_place = read_opendrive(marked).settings
+    marked.write_text(marked.read_text().replace('<roadMark sOffset="0"', "<roadMark"))
+    assert read_opendrive(marked).settings == with_place
+
+
+def test_a_link_to_the_centre_is_refused(tmp_path):
+    sections = section(0.0, right=lane(-1, after=0)) + section(50.0, right=lane(-1))
+    with pytest.raises(InputError, match="lane -1 ends here: expected a lane 0"):
+        read_opendrive(written(tmp_path, road("1", shapes((100.0, LINE)), sections)))
