@@ -14,7 +14,7 @@ from mcap.summary import Summary
 
 from trepid.clock import seconds
 from trepid.config import InputError
-from trepid.recording.scan import MAGIC, records
+from trepid.recording.scan import MAGIC, Damage, records
 
 CDR = "cdr"  # encoding of the messages of ROS 2
 LEAST_BYTES = 2 * len(MAGIC) + 29  # of a file with a summary: both magics and the footer
@@ -91,10 +91,13 @@ def _is_complete(summary: Summary) -> bool:
     )
 
 
-def messages_of(path: Path, topic: str) -> Iterator[tuple[float, bytes]]:
-    """Time of logging [s] and CDR bytes of the messages of ``topic`` in the order of the file, up to its end."""
+def messages_of(path: Path, topic: str, *, damage: Damage | None = None) -> Iterator[tuple[float, bytes]]:
+    """Time of logging [s] and CDR bytes of the messages of ``topic`` in the order of the file, up to its end.
+
+    Without ``damage`` the first corrupted byte is the end; with it, corrupted chunks are left out and reported.
+    """
     ids: set[int] = set()
-    for record in records(path, lambda name: name == topic):
+    for record in records(path, lambda name: name == topic, damage=damage):
         if isinstance(record, Channel) and record.topic == topic:
             ids.add(record.id)
         elif isinstance(record, Message) and record.channel_id in ids:

@@ -60,12 +60,17 @@ _OTHERS = (
 """How files begin that stand where a recording should, the longest first, and what to say of them."""
 Wanted = Callable[[str], bool]
 """Whether the messages on a topic are read."""
+Damage = Callable[[str], None]
+"""Called with what is lost, and where in the file."""
 
 
-def records(path: Path, wanted: Wanted = lambda _: True) -> Iterator[McapRecord]:
+def records(
+    path: Path, wanted: Wanted = lambda _: True, *, damage: Damage | None = None
+) -> Iterator[McapRecord]:
     """The records of a MCAP file with the messages on ``wanted`` topics. Raises InputError when it is none.
 
-    A chunk is returned without its data before the records in it, and gives their times.
+    A chunk is returned without its data before the records in it, and gives their times. With ``damage``, corrupted
+    chunks are stepped over, and these and the end of a file that is cut short are reported to it.
     """
     found = False
     try:
@@ -73,7 +78,7 @@ def records(path: Path, wanted: Wanted = lambda _: True) -> Iterator[McapRecord]
             beginning = file.read(len(_OTHERS[0][0]))
             if not beginning.startswith(MAGIC):
                 raise InputError(f"{path}: not a recording: {_other(beginning)}")
-            for record in _records(file, wanted):
+            for record in _records(file, wanted, damage):
                 found = True
                 yield record
     except OSError as error:
@@ -83,6 +88,8 @@ def records(path: Path, wanted: Wanted = lambda _: True) -> Iterator[McapRecord]
             raise InputError(
                 f"{path}: not a recording: an MCAP file cut short before its first record"
             ) from error
+        if damage is not None:
+            damage("the file is cut short, or nothing in it can be read from here on")
 
 
 def _other(beginning: bytes) -> str:
@@ -92,7 +99,7 @@ def _other(beginning: bytes) -> str:
     return next((what for start, what in _OTHERS if beginning.startswith(start)), "no MCAP file")
 
 
-def _records(file: IO[bytes], wanted: Wanted) -> Iterator[McapRecord]:
+def _records(file: IO[bytes], wanted: Wanted, damage: Damage | None) -> Iterator[McapRecord]:
     ids: dict[int, bool] = {}  # channel -> whether its messages are read
     size = file.seek(0, 2)
     file.seek(len(MAGIC))
@@ -104,7 +111,16 @@ def _records(file: IO[bytes], wanted: Wanted) -> Iterator[McapRecord]:
             file.seek(length, 1)
             continue
         if opcode == Opcode.CHUNK:
-            yield from _of_chunk(file, length, ids, wanted)
+            begin = file.tell()
+            try:
+                yield from _of_chunk(file, length, ids, wanted)
+            except _BROKEN:
+                if damage is None:
+                    raise
+                damage(
+                    f"the {length} bytes from byte {begin} on are corrupted, and the messages in them lost"
+                )
+                file.seek(begin + length)
             continue
         content = file.read(length)
         if opcode == Opcode.MESSAGE:

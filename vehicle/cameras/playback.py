@@ -56,7 +56,7 @@ class Playback:
         """``shots``: begins the recording anew. Raises InputError when it has no frame."""
         self._shots, self._now_s, self._pace, self._loop, self._sleep = shots, now_s, pace, loop, sleep
         self._timed = self._times()
-        self._dropped = self._malformed = 0
+        self._dropped = self._malformed = self._older = 0
         self.trouble = ""
         self._next = next(self._timed, None)
         if self._next is None:
@@ -69,10 +69,14 @@ class Playback:
         return self._next is None
 
     def values(self) -> Values:
-        """Origin of the stamps, and numbers of frames: due before they were read, and not decodable."""
+        """Origin of the stamps, and numbers of frames.
+
+        They were due before they were read, are older than the one before them, or cannot be decoded.
+        """
         return (
             ("stamped_by", "recording" if self._pace else "reading"),
             ("dropped_frames", str(self._dropped)),
+            ("older_frames", str(self._older)),
             ("malformed_images", str(self._malformed)),
         )
 
@@ -128,6 +132,7 @@ class Playback:
             first_s = last_s = gap_s = None
             for shot in self._shots():
                 if last_s is not None and shot.t_s <= last_s:
+                    self._older += 1
                     continue
                 first_s = shot.t_s if first_s is None else first_s
                 gap_s = None if last_s is None else shot.t_s - last_s

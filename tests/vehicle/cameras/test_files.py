@@ -9,7 +9,8 @@ import pytest
 import zstandard
 from camera_source_rig import SIZE, ManualClock, drive, folder_of, number_of, picture, video_of
 from image_file_rig import png_of_size
-from mcap.writer import Writer
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 
 from trepid.config import InputError, use_car
 from trepid.images.files import images_in
@@ -147,6 +148,90 @@ def test_compressed_images_of_a_foreign_recording_play_too(tmp_path: Path) -> No
 
 def test_images_without_stamps_play_by_the_time_of_logging(tmp_path: Path) -> None:
     assert frames_of(foreign.bag(tmp_path / "bag", {"/image": images(4, stamped=False)})) == EXPECTED
+
+
+def rewritten(source: Path, compression: CompressionType, *, images_a_chunk: int = 1) -> Path:
+    """The messages of a recording once more, ``images_a_chunk`` images in a chunk."""
+    path = source.with_name("again.mcap")
+    with source.open("rb") as old:
+        messages = list(make_reader(old).iter_messages())
+    schema, channel, first = messages[0]
+    chunk_size = int((images_a_chunk - 0.5) * len(first.data))
+    with path.open("wb") as new:
+        writer = Writer(new, compression=compression, chunk_size=chunk_size)
+        writer.start()
+        schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+        channel_id = writer.register_channel(channel.topic, channel.message_encoding, schema_id)
+        for _, _, message in messages:
+            writer.add_message(channel_id, message.log_time, message.data, message.publish_time)
+        writer.finish()
+    return path
+
+
+def damage_chunk(path: Path, number: int) -> None:
+    """Overwrite bytes in the middle of the chunk ``number`` of a recording."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunk = sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset)[number]
+    data = bytearray(path.read_bytes())
+    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
+    data[middle : middle + 8] = b"\x55" * 8
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_a_corrupted_chunk_is_said_and_counted_and_the_frames_after_it_play(
+    compression: CompressionType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rewritten(foreign.bag(tmp_path / "bag", {"/image": images(6)}), compression, images_a_chunk=2)
+    damage_chunk(path, 1)
+    source = McapFile(McapSettings(path=str(path), pace=0), drive(ManualClock()))
+    assert numbers(source) == [0, 1, 4, 5]
+    assert ("damaged_parts", "1") in source.values()
+    assert "are corrupted, and the messages in them lost" in capsys.readouterr().err
+
+
+def test_a_recording_cut_short_is_said_and_played_as_far_as_it_can_be_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rewritten(foreign.bag(tmp_path / "bag", {"/image": images(6)}), CompressionType.NONE)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    source = McapFile(McapSettings(path=str(path), pace=0), drive(ManualClock()))
+    found = numbers(source)
+    assert found == list(range(len(found))) and 0 < len(found) < 6
+    assert "the file is cut short" in capsys.readouterr().err
+
+
+def test_images_that_are_a_few_places_out_of_order_play_in_order(tmp_path: Path) -> None:
+    kind, data = images(6)
+    data[1], data[4] = data[4], data[1]
+    path = foreign.bag(tmp_path / "bag", {"/image": (kind, data)})
+    assert [number for _, number in frames_of(path)] == list(range(6))
+
+
+def test_images_of_one_stamp_play_by_the_time_of_logging(tmp_path: Path) -> None:
+    times = [BEGIN_NS + n * SECOND // 10 for n in range(4)]
+    same = [(at, foreign.image(picture(n), "bgr8", stamp_ns=BEGIN_NS)) for n, at in enumerate(times)]
+    path = foreign.bag(tmp_path / "bag", {"/image": ("sensor_msgs/msg/Image", same)})
+    assert frames_of(path) == EXPECTED
+
+
+@pytest.mark.parametrize(
+    ("kind", "message", "problem"),
+    [
+        ("Image", foreign.image(picture(0), "32FC1", stamp_ns=BEGIN_NS), "depth or heat"),
+        ("Image", foreign.image(picture(0), "h264", stamp_ns=BEGIN_NS), "'h264' of an image; known: bgr8"),
+        ("CompressedImage", foreign.compressed_bytes(b"\0\0\0\1\x67", "h264"), "expected one JPEG"),
+    ],
+)
+def test_a_topic_without_a_picture_is_refused_before_the_drive(
+    kind: str, message: bytes, problem: str, tmp_path: Path
+) -> None:
+    data = [(BEGIN_NS + n, message) for n in range(3)]
+    path = foreign.bag(tmp_path / "bag", {"/image": (f"sensor_msgs/msg/{kind}", data)})
+    with pytest.raises(InputError, match=f"/image: .*{problem}"):
+        McapFile(McapSettings(path=str(path)), drive(ManualClock()))
 
 
 @pytest.mark.parametrize("stamped", [True, False])

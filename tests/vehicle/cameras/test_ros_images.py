@@ -61,7 +61,55 @@ def test_a_zero_stamp_is_no_stamp() -> None:
     assert ros_image(foreign.image(BGR, "bgr8"), IMAGE).stamp_s is None
 
 
-@pytest.mark.parametrize("encoding", ["32FC1", "mono16", "nv12", ""])
+def planes(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Y of every pixel, U and V of every second one in both directions, as in :func:`packed_yuv`."""
+    packed = packed_yuv(picture, luma_first=True)
+    return packed[:, :, 0], packed[::2, ::2, 1], packed[::2, 1::2, 1]
+
+
+@pytest.mark.parametrize("encoding", ["nv12", "nv21", "i420", "yv12"])
+def test_colours_of_half_the_resolution_become_the_same_picture(encoding: str) -> None:
+    y, u, v = planes(BGR)
+    first, second = (u, v) if encoding in ("nv12", "i420") else (v, u)
+    chroma = np.stack([first, second], axis=2) if encoding.startswith("nv") else np.stack([first, second])
+    data = np.concatenate([y.reshape(-1), chroma.reshape(-1)])
+    message = foreign.image(data.reshape(24, 32, 1), encoding)
+    message = message.replace(np.uint32(24).tobytes() + np.uint32(32).tobytes(), SIZE)
+    picture = ros_image(message, IMAGE).decode()
+    assert np.abs(picture.astype(int) - BGR).max() <= 8
+
+
+SIZE = np.uint32(16).tobytes() + np.uint32(32).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "data"), [("bgr16", BGR), ("rgb16", BGR[:, :, ::-1]), ("mono16", grey_of(BGR))]
+)
+def test_of_samples_of_two_bytes_the_higher_one_counts(encoding: str, data: np.ndarray) -> None:
+    samples = (data.astype("<u2") << 8) + 7
+    picture = ros_image(foreign.image(samples.view(np.uint8), encoding), IMAGE).decode()
+    expected = BGR if data.shape[2] == 3 else np.repeat(grey_of(BGR), 3, axis=2)
+    assert np.array_equal(picture, expected)
+
+
+def test_the_name_of_an_encoding_counts_in_any_case() -> None:
+    assert np.array_equal(ros_image(foreign.image(BGR, "BGR8"), IMAGE).decode(), BGR)
+
+
+@pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])
+def test_images_of_depth_are_refused_as_such(encoding: str) -> None:
+    with pytest.raises(WireError, match=f"'{encoding}' of an image: depth or heat"):
+        ros_image(foreign.image(BGR, encoding), IMAGE).decode()
+
+
+@pytest.mark.parametrize("form", ["16UC1; compressedDepth png", "16UC1; png compressed "])
+def test_compressed_images_of_depth_are_refused_as_such(form: str) -> None:
+    depth = cv2.imencode(".png", np.full((16, 32), 1234, np.uint16))[1].tobytes()
+    with pytest.raises(WireError, match="is depth or heat, not the light of a road"):
+        ros_image(foreign.compressed_bytes(depth, form), COMPRESSED).decode()
+
+
+@pytest.mark.parametrize("encoding", ["32FC1", "jpeg", "nv12", ""])
 def test_an_unknown_encoding_is_named(encoding: str) -> None:
     with pytest.raises(WireError, match=f"'{encoding}'"):
         ros_image(foreign.image(BGR, encoding), IMAGE).decode()
