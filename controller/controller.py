@@ -114,7 +114,7 @@ class Controller:
         enlargement = 1 / vehicle.scale  # of that world: gravity grows with it
         self._reference, vehicle = ReferenceWorld(vehicle.scale), vehicle.in_reference_world
         self.learner = SteeringLearner(vehicle, settings.learning)
-        self._settings = settings
+        self._settings, self._standstill_mps = settings, vehicle.standstill_mps
         self._top_mps = critical_speed(vehicle) * settings.speed.critical_speed_share
         self._modelled_mps = critical_speed(vehicle) * _MAX_OVERSTEER
         self._predictor = Predictor(
@@ -126,7 +126,7 @@ class Controller:
         self._law = build_law(settings.lateral, vehicle)
         budget_mps2 = _EASED_SHARE * settings.speed.lateral_accel_mps2
         self._eased = settings.speed.model_copy(update=dict(lateral_accel_mps2=budget_mps2))
-        self._speed = SpeedControl(settings.speed, drive_lag_s=vehicle.accel_lag_s, enlargement=enlargement)
+        self._speed = SpeedControl(settings.speed, vehicle, enlargement=enlargement)
         self._lateness = Lateness(settings.inputs.late)
         self._now_s: float | None = None
         self._healthy_s = 0.0  # time at which both inputs were last usable
@@ -284,7 +284,7 @@ class Controller:
         brake: bool,
     ) -> Stop:
         """The kind of stop, or none; at least the comfort stop with ``brake``."""
-        if self._emergency and speed_mps is not None and speed_mps <= self._settings.speed.standstill_mps:
+        if self._emergency and speed_mps is not None and speed_mps <= self._standstill_mps:
             self._emergency = False
         if decision is not None and speed_mps is not None:
             self._healthy_s = now_s

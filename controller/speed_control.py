@@ -39,6 +39,7 @@ import math
 from controller.model.tyres import remaining_share
 from controller.speed_limits import SpeedSettings, Target
 from trepid.bounds import at_least, at_most, within
+from trepid.car.vehicle import Vehicle
 from trepid.messages import Stop
 
 BANDWIDTH_RADPS = 1.0
@@ -91,12 +92,12 @@ STRONGEST_MPS2 = 4.0  # UN R157 5.3
 class SpeedControl:
     """Call ``track`` or ``stop`` in every step. Starts with the brake applied."""
 
-    def __init__(self, settings: SpeedSettings, *, drive_lag_s: float, enlargement: float = 1.0) -> None:
-        """``enlargement``: of the world of ``settings`` relative to that of the car; gravity grows with it."""
+    def __init__(self, settings: SpeedSettings, vehicle: Vehicle, *, enlargement: float = 1.0) -> None:
+        """``enlargement``: of the world of both relative to that of the car; gravity grows with it."""
         self._settings = settings
         self._strongest_mps2, self._step_mps = STRONGEST_MPS2 * enlargement, STEP_MPS * enlargement
-        self._lag_s = drive_lag_s
-        self._load = LoadObserver(drive_lag_s, limit_mps2=settings.max_load_mps2)
+        self._lag_s, self._standstill_mps = vehicle.accel_lag_s, vehicle.standstill_mps
+        self._load = LoadObserver(self._lag_s, limit_mps2=settings.max_load_mps2)
         self._goal_mps: float | None = None  # the last target of tracking, ...
         self._smooth_mps = 0.0  # ... and the same smoothed
         self._given_mps2 = -settings.hold_decel_mps2  # the last demand, hill included
@@ -110,7 +111,7 @@ class SpeedControl:
             rate_mps2 = at_most(rate_mps2, 0.0)
         wanted = settings.gain_1ps * (goal.speed_mps - speed_mps) + rate_mps2
         wanted = at_least(at_most(wanted, settings.max_accel_mps2), -settings.max_decel_mps2)
-        if goal.speed_mps <= settings.standstill_mps:
+        if goal.speed_mps <= self._standstill_mps:
             if wanted >= -settings.comfort.decel_mps2:
                 return self.stop(Stop.COMFORT, speed_mps=speed_mps, dt_s=dt_s)
             self.accel_mps2 = at_most(self.accel_mps2, 0.0)
@@ -128,7 +129,7 @@ class SpeedControl:
         profile = settings.emergency if how is Stop.EMERGENCY else settings.comfort
         decel_mps2, jerk_mps3 = profile.decel_mps2, profile.jerk_mps3
         self._observe(speed_mps, dt_s)
-        if speed_mps is not None and speed_mps <= settings.standstill_mps:
+        if speed_mps is not None and speed_mps <= self._standstill_mps:
             decel_mps2, jerk_mps3 = settings.hold_decel_mps2, HOLD_JERK_MPS3
         elif speed_mps is not None:
             acts_at_mps = at_least(speed_mps + self._load.acting_mps2 * self._lag_s, 0.0)
@@ -161,7 +162,7 @@ class SpeedControl:
     def _observe(self, speed_mps: float | None, dt_s: float) -> None:
         if speed_mps is None:
             self._load.pause()
-        elif speed_mps <= self._settings.standstill_mps:
+        elif speed_mps <= self._standstill_mps:
             self._load.standing()
         else:
             self._load.step(self._given_mps2, speed_mps=speed_mps, dt_s=dt_s)

@@ -19,7 +19,7 @@ stay straight; the cap limits the speed there.
 """
 
 import math
-from typing import Annotated, NamedTuple, Self
+from typing import Annotated, ClassVar, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -66,6 +66,8 @@ class StopProfile(Settings):
 class SpeedSettings(Settings):
     """``speed`` in ``config/controller.yaml``."""
 
+    moved_fields: ClassVar = {"standstill_mps": "standstill_mps of vehicle.yaml"}
+
     lateral_accel_mps2: Positive  # a_y in bends
     lateral_jerk_mps3: Positive  # j_y where bends begin and end
     lateral_change_mps2: Positive  # Δ
@@ -78,7 +80,6 @@ class SpeedSettings(Settings):
     max_load_mps2: Annotated[float, Field(ge=0, le=3.0)]  # of a hill, counted in
     comfort: StopProfile
     emergency: StopProfile
-    standstill_mps: Positive  # below this the car stands
     hold_decel_mps2: Positive  # brake demand that holds the car on the level
     critical_speed_share: Annotated[float, Field(gt=0, lt=1)]  # of an oversteering car's critical speed
 

@@ -9,8 +9,9 @@ from drive.log import DriveLog
 from drive.losses import LossReport, Silence
 from drive.overview import Overview
 from trepid.bus import Bus
+from trepid.car.vehicle import Vehicle
 from trepid.clock import Clock
-from trepid.config import InputError
+from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Health
 from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.launch import Fleet, UnexpectedExit
@@ -45,6 +46,7 @@ class Monitor:
         self._fleet = fleet
         self._course = course
         self._settings = settings
+        self._standstill_mps = load(CONFIG_DIR / "vehicle.yaml", Vehicle).standstill_mps
         self._show = show
         self._log = DriveLog(bus, clock, estimators, course.judge)
         self._losses = LossReport(bus, clock, fleet)
@@ -147,9 +149,7 @@ class Monitor:
     def _stands(self) -> bool:
         """True when the car reports standstill, or reports no speed at all."""
         state = self._log.state
-        return (
-            state is None or state.speed_mps is None or abs(state.speed_mps) < self._settings.standstill_mps
-        )
+        return state is None or state.speed_mps is None or abs(state.speed_mps) < self._standstill_mps
 
     def _lose(self, exited: UnexpectedExit) -> bool:
         """Note an unexpected end and its effect; True when the drive cannot go on."""
@@ -230,7 +230,7 @@ class Monitor:
         if self._lost_s is None:
             return False
         speed_mps = self._log.state.speed_mps if self._log.state else None
-        if speed_mps is not None and abs(speed_mps) < self._settings.standstill_mps:
+        if speed_mps is not None and abs(speed_mps) < self._standstill_mps:
             self._problems.append(f"the car stopped {self._elapsed_time_s() - self._lost_s:.1f} s after that")
             return True
         return self._fails_to_stop(self._elapsed_time_s() - self._lost_s, "that")

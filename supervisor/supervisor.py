@@ -133,7 +133,7 @@ class Supervisor:
         self._lateness = Lateness(settings.validation.late)
         self._watchdog = Watchdog(settings.validation, frames_s=settings.modes.comfort_stop_age_s)
         self._doubts = Doubts(settings.modes)
-        self._bounds = Bounds(settings.modes, settings.validation, 1 / enlargement)
+        self._bounds = Bounds(settings.modes, settings.validation, vehicle.standstill_mps, 1 / enlargement)
         self._mode = ModeState.initial()
         self._speed = SpeedFactor(settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)
@@ -212,6 +212,7 @@ class Supervisor:
             world,
             rules,
             modes,
+            standstill_mps=self._bounds.standstill_mps,
             fear=rated.fear,
             cause=cause,
             part=finding.part if finding.cause == cause == Cause.DOUBTED_STATE else "",

@@ -14,7 +14,7 @@ from pathlib import Path
 import networkx
 import pytest
 
-from trepid.config import ROOT
+from trepid.config import CONFIG_DIR, ROOT
 from trepid.packages import PACKAGES as TREPID
 
 PACKAGES = (*TREPID, "lab")  # the laboratory is a package of its own, with its tests beside it
@@ -204,6 +204,69 @@ def test_no_function_or_class_is_named_by_a_bare_participle() -> None:
         and node.name not in PUBLISHED_PARTICIPLES
     ]
     assert bare == []
+
+
+OTHER_MEANINGS = {
+    (
+        "supervisor.yaml",
+        "min_lookahead_m",
+    ),  # where the supervisor compares lanes; not where they are aimed at
+}
+OWNERS = {
+    ("vehicle.yaml", "standstill_mps"): re.compile(r"(?i)_?(standstill|standing)_mps"),
+    ("perception.yaml", "lookahead_m"): re.compile(r"(?i)_?(\w+_)?(look_?ahead|aim)_m"),
+    ("perception.yaml", "min_confidence"): re.compile(r"(?i)_?(min|least)_confidence"),
+}
+"""File and field that own a number, and the names by which other places would state it again."""
+
+
+def stated_numbers(path: Path) -> Iterator[tuple[str, float]]:
+    """Numbers in the fields of a YAML file, or that Python gives to names, fields and parameters: name, number."""
+    if path.suffix == ".yaml":
+        for name, number in re.findall(r"(\w+): *(\d+\.?\d*)(?=[\s,}]|$)", path.read_text()):
+            yield name, float(number)
+        return
+    for node in ast.walk(ast.parse(path.read_text())):
+        pairs: list[tuple[str, ast.expr | None]] = []
+        if isinstance(node, ast.Assign):
+            pairs = [(t.id, node.value) for t in node.targets if isinstance(t, ast.Name)]
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            pairs = [(node.target.id, node.value)]
+        elif isinstance(node, ast.arguments):
+            late = [*node.posonlyargs, *node.args][-len(node.defaults) :] if node.defaults else []
+            both = [
+                *zip(late, node.defaults, strict=True),
+                *zip(node.kwonlyargs, node.kw_defaults, strict=True),
+            ]
+            pairs = [(one.arg, value) for one, value in both]
+        for name, value in pairs:
+            if isinstance(value, ast.Constant) and isinstance(value.value, float):
+                yield name, value.value
+
+
+@pytest.mark.parametrize("owner", OWNERS)
+def test_a_number_of_many_readers_stands_in_one_file(owner: tuple[str, str]) -> None:
+    file, field = owner
+    own = CONFIG_DIR / file
+    (number,) = {value for name, value in stated_numbers(own) if name == field}
+    again = [
+        f"{path}: {name}"
+        for path in [*modules().values(), *CONFIG_DIR.glob("*.yaml")]
+        for name, value in stated_numbers(path)
+        if value == number
+        and OWNERS[owner].fullmatch(name)
+        and (path, name) != (own, field)
+        and (path.name, name) not in OTHER_MEANINGS
+    ]
+    assert again == []
+
+
+def test_a_number_counts_as_field_constant_and_default(tmp_path: Path) -> None:
+    code, settings = tmp_path / "code.py", tmp_path / "settings.yaml"
+    code.write_text("A_M = 1.0\nclass C:\n    b_m: float = 2.0\ndef f(x, c_m=3.0, *, d_m=4.0): ...\n")
+    settings.write_text("e_m: 5.0  # 6.0\nf: {g_m: 7.0}\n")
+    assert list(stated_numbers(code)) == [("A_M", 1.0), ("b_m", 2.0), ("c_m", 3.0), ("d_m", 4.0)]
+    assert list(stated_numbers(settings)) == [("e_m", 5.0), ("g_m", 7.0)]
 
 
 @pytest.mark.parametrize("name", ["joined", "_driven", "moved_m", "seen_from", "Recorded", "held_s"])

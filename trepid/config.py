@@ -62,10 +62,15 @@ class Settings(BaseModel):
     former_names: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     """Former names of fields, which set the fields of today, with a warning on stderr."""
 
+    moved_fields: ClassVar[Mapping[str, str]] = {}
+    """Fields that stand in another file today, and where: each is refused with its place."""
+
     @model_validator(mode="before")
     @classmethod
     def _with_former_names(cls, data: Any) -> Any:
         """``data`` with former names replaced; a former name overrides the fields of today."""
+        for name in cls.moved_fields.keys() & (data.keys() if isinstance(data, Mapping) else set()):
+            raise wrong_at((name,), f"is now {cls.moved_fields[name]}")
         if not cls.former_names or not isinstance(data, Mapping):
             return data
         today = {name: value for name, value in data.items() if name not in cls.former_names}

@@ -72,7 +72,7 @@ class Limiter:
     """Call ``step`` in every cycle of the actuator (100 Hz), with or without new inputs."""
 
     def __init__(self, vehicle: Vehicle, limits: Limits) -> None:
-        self._vehicle, self._limits = vehicle, limits
+        self._vehicle, self._limits, self.standstill_mps = vehicle, limits, vehicle.standstill_mps
         self._limit_rad = vehicle.max_road_wheel_angle_rad
         self._middle_m = vehicle.wheelbase_m / 2.0
         self._late_s = vehicle.steering_delay_s + vehicle.steering_lag_s
@@ -166,7 +166,7 @@ class Limiter:
         """Begin the stop when commands or states are lost, and end it at standstill."""
         if lost or self._now_s - self._state_s > self._limits.state_timeout_s:
             self.stopping = True
-        elif seen is not None and seen.measures_speed and seen.speed_mps <= self._limits.standstill_mps:
+        elif seen is not None and seen.measures_speed and seen.speed_mps <= self.standstill_mps:
             self.stopping = False
 
     def _demand(self, command: Command | None, highest_mps2: float) -> float:

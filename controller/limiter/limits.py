@@ -1,7 +1,7 @@
 """Limits of the limiter, with values and sources in ``config/limiter.yaml``, and intervals that are never empty."""
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -37,6 +37,8 @@ class SaturationLimits(Settings):
 class Limits(Settings):
     """``config/limiter.yaml``."""
 
+    moved_fields: ClassVar = {"standstill_mps": "standstill_mps of vehicle.yaml"}
+
     lateral_accel_mps2: Positive
     lateral_jerk_mps3: Positive
     lateral_accel_share: PositiveShare  # share of the limit for demands
@@ -57,7 +59,6 @@ class Limits(Settings):
     max_step_s: Positive
     max_speed_mps: Positive
     max_angle_rad: Annotated[float, Field(gt=0, lt=math.pi / 2)]
-    standstill_mps: Positive
     override: OverrideLimits
     saturation: SaturationLimits
 

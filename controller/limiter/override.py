@@ -28,7 +28,7 @@ class DriverWatch:
 
     def __init__(self, vehicle: Vehicle, limits: Limits) -> None:
         self._limits = limits.override
-        self._from_mps = limits.standstill_mps
+        self._from_mps = vehicle.standstill_mps
         late_s = vehicle.steering_delay_s + TIME_CONSTANTS * vehicle.steering_lag_s
         self._window_s = limits.override.lateness * late_s
         self._demands: deque[tuple[float, float]] = deque()  # time, angle [rad]

@@ -21,6 +21,7 @@ from learning.lane.network import ExportedNetwork, SteerNetwork, loss
 from learning.lane.scores import LabelledFrames, Prediction, PursuitTask
 from learning.lane.unlabelled import SelfTraining, UnlabelledFrames, label_by_network, none_of
 from learning.roadside import Scenery
+from perception.lane.settings import steering_settings
 from perception.net.canonical import MIRRORED
 from perception.net.steer_net import Network
 from trepid.car.camera import Camera
@@ -61,7 +62,6 @@ class Recipe(Settings):
     patience: Count
     bfloat16: bool
     lane_lookahead_m: Positive
-    command_lookahead_m: Positive
     tolerance_deg: Positive
     crop: Crop
     scenery: Scenery
@@ -108,7 +108,7 @@ def train(
     )
     drives = none_of(canonical) if unlabelled is None else unlabelled
     task = PursuitTask(wheelbase_m, network.command_row.double().numpy())
-    kind = recipe.model_dump_json() + drives.digest
+    kind = f"{recipe.model_dump_json()}{steering_settings().lookahead_m}{drives.digest}"
     progress = _restore(checkpoint, kind, network, optimiser) if resume else Progress()
     while progress.epoch < recipe.epochs and progress.epoch - progress.best_epoch < recipe.patience:
         started_s = time.monotonic()
@@ -140,7 +140,7 @@ def build(recipe: Recipe, data: LabelledFrames) -> SteerNetwork:
     middle = np.where(MIRRORED < 0, 0.0, lanes.mean(axis=0))
     spread = np.sqrt(np.mean((lanes - middle) ** 2, axis=0))
     spread[-1] = max(spread[-1], LEAST_WIDTH_SPREAD_M)
-    ahead_m = recipe.lane_lookahead_m, recipe.command_lookahead_m
+    ahead_m = recipe.lane_lookahead_m, steering_settings().lookahead_m
     return SteerNetwork(torch.from_numpy(middle), torch.from_numpy(spread), *ahead_m)
 
 

@@ -15,6 +15,7 @@ from learning.lane.frames import TrainingShot, circuit_frames, mounted_frames, r
 from learning.lane.scores import LabelledFrames, PursuitTask, calibrate, nonsense_shares, predict, scores
 from learning.lane.world import add_world, limits
 from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say, ship
+from perception.lane.settings import steering_settings
 from perception.net.canonical import crop_camera
 from perception.net.steer_net import Calibration, Network, SteerNetRecord
 from trepid.car.camera import Camera
@@ -128,7 +129,9 @@ def run(
         lane_width_m=seen_widths_m(recipe.mounts.height),
         calibration=calibration,
         world=limits(exported, others, calibration, wheelbase_m=task.wheelbase_m),
-        recipe=recipe.model_dump() | ({"unlabelled_sha256": drives.digest} if len(drives) else {}),
+        recipe=recipe.model_dump()
+        | {"command_lookahead_m": steering_settings().lookahead_m}
+        | ({"unlabelled_sha256": drives.digest} if len(drives) else {}),
         training=dict(
             epochs=progress.epoch,
             best_epoch=progress.best_epoch,
@@ -155,7 +158,7 @@ def _calibrate(
     """The task of the network, and the calibration of its confidence."""
     from learning.lane.network import command_row
 
-    row = command_row(recipe.lane_lookahead_m, recipe.command_lookahead_m).double().numpy()
+    row = command_row(recipe.lane_lookahead_m, steering_settings().lookahead_m).double().numpy()
     task = PursuitTask(wheelbase_m, row)
     seen = validation.part(validation.visible)
     found = predict(network, seen.images, task)

@@ -186,7 +186,7 @@ class Pipeline:
             heading_error_rad=lane.heading_rad,
             curvature_1pm=lane.curvature_at(self._lookahead_m),
             curvature_rate_1pm2=lane.curvature_rate_1pm2,
-            road_wheel_angle_rad=self._steer(lane, self._vehicle.wheelbase_m),
+            road_wheel_angle_rad=self._steer(lane, self._vehicle.wheelbase_m, self._lookahead_m),
             confidence=self._score,
             lane_width_m=measured.width_m,
         )

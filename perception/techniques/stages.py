@@ -12,7 +12,7 @@ settings are those of its constructor, and its ``step`` is called.
 ``model``     ``(evidence) -> Boundaries``
 ``track``     ``step(boundaries, motion) -> Boundaries``
 ``state``     ``(boundaries, view) -> MeasuredLane | None``
-``steer``     ``(lane, wheelbase_m) -> float``: the road-wheel angle [rad], + left, of a lane state
+``steer``     ``(lane, wheelbase_m, lookahead_m) -> float``: the road-wheel angle [rad], + left, of a lane state
 ``rule``      ``(boundaries, view, dt_s) -> RuleAngle | None``: a printed steering rule
 ============  ==========================================================================================
 

@@ -20,7 +20,6 @@ from vehicle.actuators.can.settings import CanSettings
 from vehicle.actuators.can.signal_map import SignalMap, load_map
 from vehicle.actuators.can.wire import CanWire
 
-STANDING_MPS = 0.05
 EARLY = 0.5  # of a step: a report is sent in the step nearest to its time
 
 
@@ -35,8 +34,9 @@ class EcuSettings(Settings):
 class Ecu:
     """Commands from frames, reports as frames. Pure: no bus, no clock."""
 
-    def __init__(self, signals: SignalMap, settings: EcuSettings, *, steering_ratio: float) -> None:
-        self._settings, self._ratio = settings, steering_ratio
+    def __init__(self, signals: SignalMap, settings: EcuSettings, vehicle: Vehicle) -> None:
+        self._settings, self._ratio = settings, vehicle.steering_ratio
+        self._standstill_mps = vehicle.standstill_mps
         self.receivers = [signals.receiver(each) for each in signals.settings.commands]
         self._heard_s: list[float | None] = [None] * len(self.receivers)
         self._quantities: dict[str, float] = {}
@@ -70,7 +70,7 @@ class Ecu:
         if fault:
             self._held_rad = self._held_rad if self.safe else wheel_rad
             self.safe = fault
-        elif speed_mps <= STANDING_MPS:
+        elif speed_mps <= self._standstill_mps:
             self.safe = ""
         if self.safe:
             decel_mps2 = self._settings.safe_decel_mps2
@@ -119,7 +119,7 @@ def run(me: Process) -> None:
     settings = wire_settings(me, CanSettings, "can")
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     signals = load_map(settings.map_file, vehicle)
-    ecu = Ecu(signals, EcuSettings.model_validate(options), steering_ratio=vehicle.steering_ratio)
+    ecu = Ecu(signals, EcuSettings.model_validate(options), vehicle)
     car, wire = CarBehindWire(me), CanWire(settings, ecu.receivers)
     me.ready(values=lambda: tuple((name, str(count)) for name, count in ecu.refused_frames().items()))
     ticker, speed_mps, wheel_rad = Ticker(1 / car.settings.period_s), 0.0, 0.0

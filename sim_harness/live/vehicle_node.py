@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from controller.limiter import Limits
 from controller.limiter import build as build_limiter
 from sim_harness.live.release import Release
 from sim_harness.lockstep.road_user_sensor import build_road_user_sensor
@@ -27,16 +26,17 @@ def run(me: Process) -> None:
     command, release = me.bus.latest(COMMAND), Release(me)
     send_state, send_truth = me.bus.publisher(VEHICLE_STATE), me.bus.publisher(SIM_TRUTH)
     send_lead, send_users = me.bus.publisher(LEAD_VEHICLE), me.bus.publisher(ROAD_USERS)
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     simulated = SimulatedVehicle(
         scenario,
         scenario.build_road(),
-        load(CONFIG_DIR / "vehicle.yaml", Vehicle),
-        build_limiter(),
+        vehicle,
+        build_limiter(vehicle),
         settings,
         seed=me.options["seed"],
     )
     request = me.bus.latest(STOP_REQUEST)
-    button = StopButton(load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps)
+    button = StopButton(vehicle.standstill_mps)
     state = None
     publishes_lead = scenario.leads_by is LeadSensor.TRUTH
     user_sensor = build_road_user_sensor(scenario.road_users_by, seed=me.options["seed"])

@@ -6,14 +6,14 @@ The image statistics are constants that cause no fear, and the true sight distan
 have no other effect in such a run.
 """
 
+from perception.lane.settings import steering_settings
 from sim_harness.world.roads.road import Road
 from sim_harness.world.sight_truth import SightDistance
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.messages import ImageStatistics, SimTruth, SteeringEstimate
 
-MIN_LOOKAHEAD_M = 8.0
-LOOKAHEAD_S = 1.0  # as the supervisor's fusion looks ahead
+LOOKAHEAD_S = 1.0  # at least ``steering.lookahead_m`` of perception.yaml
 
 
 class Oracle:
@@ -24,7 +24,7 @@ class Oracle:
         self._name = name
         self._road = road
         self._wheelbase_m = vehicle.wheelbase_m
-        self._near_m = MIN_LOOKAHEAD_M * vehicle.scale
+        self._near_m = steering_settings().lookahead_m * vehicle.scale
 
     def step(self, truth: SimTruth) -> SteeringEstimate:
         """The lane at ``truth``, with the curvature of the road at the rear axle and at the look-ahead."""

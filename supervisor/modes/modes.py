@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 from pydantic import Field
 
@@ -20,6 +20,8 @@ STARTING = Cause.STARTING
 class ModeSettings(Settings):
     """Section ``modes`` of ``config/supervisor.yaml``."""
 
+    moved_fields: ClassVar = {"standstill_mps": "standstill_mps of vehicle.yaml"}
+
     comfort_stop_age_s: Positive  # no frame for this long: comfort stop
     emergency_stop_age_s: Positive  # ... emergency stop
     blind_s: Positive  # moving without any path for this long: emergency stop
@@ -29,7 +31,6 @@ class ModeSettings(Settings):
     guess_confidence: Annotated[
         float, Field(gt=0, le=1)
     ]  # also the least confidence to steer before the first drive
-    standstill_mps: Positive
     reengage_after_s: Seconds | None  # at standstill, healthy for this long: drive again; null: never
     reengage_max_fear: Annotated[float, Field(ge=0, lt=1)]
     road_back_s: Seconds  # FOLLOW ends when the road has been seen this long ...

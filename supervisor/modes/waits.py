@@ -28,6 +28,7 @@ class Bounds(NamedTuple):
 
     modes: ModeSettings
     validation: ValidationSettings
+    standstill_mps: float  # of the car, in the world of these settings
     scale: float  # of the world of the car relative to that of these settings
 
 
@@ -163,12 +164,12 @@ def waits_for(view: StartSituation, halt: Halt) -> str:
         return _stop(view, halt)
     if halt.braked_for:
         return _brake(halt)
-    return "" if halt.cap_mps >= view.bounds.modes.standstill_mps else _bound_words(view, halt)
+    return "" if halt.cap_mps >= view.bounds.standstill_mps else _bound_words(view, halt)
 
 
 def _bound_words(view: StartSituation, halt: Halt) -> str:
     """The words about what keeps the speed at standstill."""
-    way, sight, standstill_mps = view.world.way, view.world.sight, view.bounds.modes.standstill_mps
+    way, sight, standstill_mps = view.world.way, view.world.sight, view.bounds.standstill_mps
     if way.hard or way.cap_mps < standstill_mps:
         return _for_a_road_user(way, halt.now, view.bounds.scale)
     if halt.lead_cap_mps < standstill_mps:

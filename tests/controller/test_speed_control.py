@@ -8,6 +8,7 @@ import pytest
 from controller_rig import SETTINGS
 from hypothesis import given
 from hypothesis import strategies as st
+from message_rig import SHUTTLE
 from pydantic import ValidationError
 
 from controller.speed_control import LoadObserver, SpeedControl
@@ -18,6 +19,7 @@ from trepid.messages import Stop
 SPEED = SETTINGS.speed
 DT_S = 0.02
 LAG_S = 0.15
+CAR = SHUTTLE.model_copy(update={"accel_lag_s": LAG_S})
 REACT_S = LAG_S + SPEED.curve_decel_mps2 / (2 * SPEED.brake_jerk_mps3)
 
 
@@ -36,7 +38,7 @@ def goal(one, cap_mps=20.0, speed_mps=5.0):
 
 
 def speed_control(accel_mps2=None):
-    control = SpeedControl(SPEED, drive_lag_s=LAG_S)
+    control = SpeedControl(SPEED, CAR)
     if accel_mps2 is not None:
         control.accel_mps2 = control._given_mps2 = control._load.acting_mps2 = accel_mps2
     return control
@@ -252,7 +254,7 @@ def test_the_demand_never_changes_faster_than_its_jerk(targets):
     control = speed_control()
     last = control.accel_mps2
     for cap_mps, speed_mps in targets:
-        if cap_mps <= SPEED.standstill_mps:
+        if cap_mps <= CAR.standstill_mps:
             continue
         control.track(Target(cap_mps, None), speed_mps=speed_mps, dt_s=DT_S)
         wanted = control.accel_mps2

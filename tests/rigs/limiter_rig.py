@@ -10,6 +10,7 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import VehicleState
 
 SHIPPED = load(CONFIG_DIR / "limiter.yaml", Limits)
+EXACT_CAR = SHUTTLE.model_copy(update={"standstill_mps": 0.125})
 DT_S = 1.0 / 128.0  # a tick whose multiples are exact
 
 # Edges that a test can stand on exactly.
@@ -22,7 +23,6 @@ EXACT = SHIPPED.model_copy(
         frame_timeout_s=0.5,
         early_s=0.0625,
         max_step_s=0.0625,
-        standstill_mps=0.125,
         lateral_accel_share=1.0,
         lateral_jerk_share=1.0,
         override=SHIPPED.override.model_copy(
@@ -45,7 +45,7 @@ AT_ONCE = EXACT.model_copy(  # no fading in, no driver found by deviation
 )
 
 
-def limiter(limits: Limits = AT_ONCE, car: Vehicle = SHUTTLE) -> Limiter:
+def limiter(limits: Limits = AT_ONCE, car: Vehicle = EXACT_CAR) -> Limiter:
     """A limiter before its first step."""
     return Limiter(car, limits)
 

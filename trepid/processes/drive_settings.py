@@ -1,7 +1,7 @@
 """The settings of a live drive: ``config/drive.yaml``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -24,11 +24,12 @@ class RingSettings(Settings):
 class DriveSettings(Settings):
     """``drive.yaml``."""
 
+    moved_fields: ClassVar = {"standstill_mps": "standstill_mps of vehicle.yaml"}
+
     vehicle_name: VehicleName
     scenario: str
     ready_timeout_s: Positive
     silence_s: Positive
-    standstill_mps: Positive
     stop_timeout_s: Positive
     status_period_s: Positive
     ring: RingSettings

@@ -9,8 +9,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from controller.limiter import Limits
-from trepid.config import CONFIG_DIR, InputError, Settings, load, wrong_at
+from trepid.config import InputError, Settings, wrong_at
 from trepid.messages import Command, Odometry, VehicleState
 from trepid.topics import FIXED, Topic
 from trepid.types import Positive
@@ -64,7 +63,7 @@ class AckermannActuator:
         """Raises InputError without a bus."""
         if car.bus is None:
             raise InputError("actuator 'ackermann' needs the bus of a drive")
-        self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
+        self._standstill_mps = car.vehicle.standstill_mps
         self._settings = settings
         self.computed = frozenset({"road_wheel_angle_rad"} if settings.wheel_angle == "commanded" else ())
         self._report = car.bus.latest(state_topic(settings))

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
-from controller.limiter import Limiter, Limits
+from controller.limiter import Limiter
 from controller.limiter import build as build_limiter
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
@@ -47,7 +47,7 @@ class ActuatorStep:
 
     def __init__(self, limiter: Limiter, measurements: MeasurementCheck) -> None:
         self._limiter, self._measurements = limiter, measurements
-        self.standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
+        self.standstill_mps = limiter.standstill_mps
         """Below this speed the car stands [m/s]."""
 
     def step(

@@ -1,5 +1,7 @@
 """The settings of the checks of measurements."""
 
+from typing import ClassVar
+
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.types import NonNegative, Positive
 
@@ -49,6 +51,8 @@ class WheelSettings(Settings):
 class YawSettings(Settings):
     """``yaw_rate``."""
 
+    moved_fields: ClassVar = {"standing_mps": "standstill_mps of vehicle.yaml"}
+
     step_radps: Positive
     step_rad: NonNegative
     filter_s: Positive
@@ -59,7 +63,6 @@ class YawSettings(Settings):
     understeer_share: NonNegative
     noise_radps: NonNegative
     lag_s: Positive
-    standing_mps: NonNegative
     standing_radps: Positive
 
 

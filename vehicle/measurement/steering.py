@@ -187,6 +187,7 @@ class YawCheck:
         self._bicycle = Bicycle(vehicle)
         self.doubt = Doubt(settings.doubt)
         self._standing = Standing(settings.stands, settings.stands.yaw_rate_radps)
+        self._standstill_mps = vehicle.standstill_mps
         self._wheels = Window(self._limits.lag_s)
         self._slope, self._slopes = build_slope(vehicle, settings.slope), settings.slope
         self._usual_radps: float | None = None  # measured less computed, of the last filter_s
@@ -245,7 +246,7 @@ class YawCheck:
         offset of the steering, the bank of the road.
         """
         limits = self._limits
-        if speed_mps <= limits.standing_mps:
+        if speed_mps <= self._standstill_mps:
             still = abs(yaw_rate_radps) <= limits.standing_radps
             return "" if still else f"{yaw_rate_radps:.3f} rad/s of a standing car"
         if not moving:

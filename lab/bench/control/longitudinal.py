@@ -48,7 +48,7 @@ def brake(
 ) -> tuple[float, float]:
     """Distance [m], and the deceleration [m/s²] in the last moment before standstill."""
     plant = build_plant(real, vehicle)
-    control = SpeedControl(settings.speed, drive_lag_s=vehicle.accel_lag_s)
+    control = SpeedControl(settings.speed, vehicle)
     control.release()
     car, tick, demand_mps2, last_mps2 = plant.initial(speed_mps=speed_mps), 0, 0.0, 0.0
     while car.speed_mps > 0.0:

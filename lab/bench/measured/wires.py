@@ -28,7 +28,7 @@ class CanWire:
 
     def __init__(self, vehicle: Vehicle) -> None:
         signals = load_map(MAP, vehicle)
-        self._ecu = Ecu(signals, EcuSettings(), steering_ratio=vehicle.steering_ratio)
+        self._ecu = Ecu(signals, EcuSettings(), vehicle)
         self._reports = Reports(
             signals.settings.reports, signals.receivers(), steering_ratio=vehicle.steering_ratio
         )

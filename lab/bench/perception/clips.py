@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from perception.lane.settings import steering_settings
 from sim_harness.lockstep.oracle import Oracle
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.view import ShutterMotion
@@ -19,7 +20,9 @@ from trepid.types import Image
 
 VERSION = 1  # of the set: the same seed draws the same frames
 PERIOD_S = 0.04
-AIM_M = 8.0  # along the lane: second place of comparison, and aim point of the wheel angle
+AIM_M = (
+    steering_settings().lookahead_m
+)  # along the lane: second place of comparison, and aim point of the wheel angle
 WARM_UP_FRAMES, SCORED_FRAMES = 10, 22  # the warm-up of trackers is 0.4 s
 CLEAR, GAP = "clear", "gap"
 GRADES: tuple[int, ...] = (1, 2, 3, 4, 5)

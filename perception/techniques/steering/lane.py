@@ -84,10 +84,10 @@ def beside(boundary: Boundary, aside_m: float) -> Boundary:
     return Boundary(boundary.x_m, y_m, boundary.residual_m, boundary.support)
 
 
-def pursuit(lane: Lane, wheelbase_m: float, *, lookahead_m: Positive = 8.0) -> float:
+def pursuit(lane: Lane, wheelbase_m: float, lookahead_m: float) -> float:
     """Road-wheel angle [rad], + left, of the arc to the lane centre ``lookahead_m`` ahead: δ = atan(L·2y/ℓ²).
 
-    Source: Coulter, CMU-RI-TR-92-01; 8 m is about 1 s at the speeds of the shuttle.
+    Source: Coulter, CMU-RI-TR-92-01.
     """
     return road_wheel_angle(lane.pursuit_curvature(lookahead_m), wheelbase_m=wheelbase_m)
 

@@ -53,11 +53,11 @@ def test_an_intruding_package_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_wrong_field_of_the_car_is_found_with_its_place(car: Path) -> None:
-    edit(car / "limiter.yaml", "#standstill_mps: 0.05", "standstil_mps: 0.05")
+    edit(car / "limiter.yaml", "#max_step_s: 0.05", "max_stp_s: 0.05")
     found = checks.configuration()
     assert not found.ok
     assert f"{car}/limiter.yaml:" in found.message
-    assert "did you mean 'standstill_mps'?" in found.message
+    assert "did you mean 'max_step_s'?" in found.message
 
 
 def test_every_wrong_file_counts(car: Path) -> None:
@@ -361,3 +361,22 @@ def test_an_actuator_whose_device_is_missing_is_found(car: Path) -> None:
     found = devices.actuator()
     assert not found.ok
     assert found.remedy
+
+
+@pytest.mark.parametrize(
+    ("file", "field"),
+    [
+        ("limiter.yaml", "standstill_mps"),
+        ("supervisor.yaml", "modes: {standstill_mps"),
+        ("controller.yaml", "speed: {standstill_mps"),
+        ("drive.yaml", "standstill_mps"),
+    ],
+)
+def test_a_standstill_outside_the_vehicle_file_is_refused_with_its_new_place(
+    car: Path, file: str, field: str
+) -> None:
+    (car / file).write_text(f"{field}: 0.02{'}' * field.count('{')}\n")
+    found = checks.configuration()
+    assert not found.ok
+    assert f"{car / file}:1:" in found.message
+    assert "is now standstill_mps of vehicle.yaml" in found.message

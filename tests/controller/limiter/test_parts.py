@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from limiter_rig import DT_S, EXACT, seen, state
+from limiter_rig import DT_S, EXACT, EXACT_CAR, seen, state
 from message_rig import SHUTTLE, command, vehicle
 
 import controller.limiter
@@ -253,7 +253,7 @@ def test_without_a_yaw_rate_there_is_no_excess_and_the_filter_is_reset():
 
 def watch(**changes):
     """A watch after a long time of straight demands, at 0 s."""
-    one = DriverWatch(SHUTTLE, EXACT)
+    one = DriverWatch(EXACT_CAR, EXACT)
     one.add_demand(0.0, 0.0)
     assert not one.step(seen(), 0.0)
     return one
@@ -304,7 +304,7 @@ def test_a_standing_car_with_a_turned_wheel_is_no_driver_override():
 
 
 def test_a_wheel_never_within_the_demands_is_no_override():
-    one = DriverWatch(SHUTTLE, EXACT)
+    one = DriverWatch(EXACT_CAR, EXACT)
     one.add_demand(0.0, 0.0)
     assert not any(one.step(seen(wheel_rad=0.3), n / 16) for n in range(50))
 

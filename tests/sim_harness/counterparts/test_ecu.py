@@ -13,7 +13,7 @@ class Sending:
     """Both command messages to an ECU, at 100 Hz."""
 
     def __init__(self):
-        self.ecu = Ecu(MAP, EcuSettings(), steering_ratio=can_rig.RATIO)
+        self.ecu = Ecu(MAP, EcuSettings(), can_rig.VEHICLE)
         self.senders = MAP.senders()
         self.now_s = 10.0
 
@@ -91,7 +91,7 @@ def test_reports_are_sent_at_their_periods(sending):
 
 def test_a_mute_ecu_drives_on_and_reports_nothing():
     ecu = Sending()
-    ecu.ecu = Ecu(MAP, EcuSettings(mute_after_s=0.5), steering_ratio=can_rig.RATIO)
+    ecu.ecu = Ecu(MAP, EcuSettings(mute_after_s=0.5), can_rig.VEHICLE)
     counts = []
     for _ in range(100):
         assert ecu.step(can_rig.command()) is not None

@@ -27,7 +27,7 @@ class Loop:
     def __init__(self):
         self.bus = can_rig.OneBus()
         self.node = ActuatorStep(build_limiter(can_rig.VEHICLE), build_check(can_rig.VEHICLE))
-        self.ecu = Ecu(can_rig.SHUTTLE, EcuSettings(), steering_ratio=can_rig.RATIO)
+        self.ecu = Ecu(can_rig.SHUTTLE, EcuSettings(), can_rig.VEHICLE)
         self.car = car_behind(None)
         self.now_s, self.speed_mps, self.wheel_rad, self.state = 10.0, 0.0, 0.0, None
 

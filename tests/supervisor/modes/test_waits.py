@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from message_rig import SHUTTLE
 from supervisor_rig import ESTIMATE, LATENCY_S, SETTINGS, STATE, STATISTICS, Drive
 
 from supervisor.rules.verify import load_verified
@@ -195,4 +196,4 @@ def test_a_car_that_may_not_drive_always_says_why_and_one_that_may_says_nothing(
     drive = Drive(speed_mps=speed_mps)
     for messages in frames:
         decision: Decision = drive.frame(**messages)
-        assert bool(decision.waits_for) == (decision.speed_cap_mps < SETTINGS.modes.standstill_mps)
+        assert bool(decision.waits_for) == (decision.speed_cap_mps < SHUTTLE.standstill_mps)

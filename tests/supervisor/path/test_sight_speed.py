@@ -220,7 +220,7 @@ class Car:
 
     def __init__(self, speed_mps: float, cruise_mps: float, *, delay_s: float, grade: float = 0.0) -> None:
         control = SpeedSettings.model_validate(read(CONFIG_DIR / "controller.yaml")["speed"])
-        self.control = SpeedControl(control, drive_lag_s=VEHICLE.accel_lag_s)
+        self.control = SpeedControl(control, VEHICLE)
         self.control.accel_mps2 = 0.0
         self.sight, self.cruise_mps = sight_speed(), cruise_mps
         self.x_m, self.speed_mps, self.accel_mps2, self.hill_mps2 = 0.0, speed_mps, 0.0, 9.81 * grade

@@ -114,7 +114,7 @@ class RcActuator:
         held_us = self._board.steering_us()
         self._angle_rad = None if held_us is None else settings.steering.angle_rad(held_us)
         self._turned_rad = self._angle_rad or 0.0
-        self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
+        self._standstill_mps = car.vehicle.standstill_mps
         self._then_s = car.now_s()
         self._rests_s = self._then_s + REST_LAGS * settings.speed_lag_s
         self._neutral_after_s = settings.neutral_after_s

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from lab.bench.live.faults.catalogue import OUTPUTS, PERIODS_S, STARVED, Act, Fault, Onset
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, load
 
-STANDING_MPS = 0.05
+STANDING_MPS = load(CONFIG_DIR / "vehicle.yaml", Vehicle).standstill_mps
 CALM_S = 1.0  # before the injection: the hardest brake in it is the reference
 NOISE_MPS2 = 0.05  # a harder brake than the reference by this is not the noise of the speed control
 BRAKING_MPS2 = 0.4  # ... and by this the car is braked towards a stop, or to another speed
