@@ -29,7 +29,7 @@ export LINK_COPIES
 # Keep byte code, also where the environment says otherwise: the tests start Python hundreds of times.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup drive test long live suite wheel docs proof mutation lint train acados clean
+.PHONY: help setup drive test long live suite wheel docs lock release proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
@@ -39,6 +39,8 @@ help:
 	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
 	@echo "make wheel   build wheel and sdist, install them, and use them from an empty folder"
 	@echo "make docs    build the documentation site in out/site, with a check of its links"
+	@echo "make lock    write requirements.lock from pyproject.toml and constraints.txt (needs uv)"
+	@echo "make release check, build and tag the version of pyproject.toml; nothing is pushed"
 	@echo "make proof   run the long tests: 100 runs on a loaded machine, a sweep on a Dask cluster that loses a worker"
 	@echo "make mutation  mutate the limiter; its tests must fail at every mutation (15 min on two quiet cores)"
 	@echo "make lint    ruff and mypy"
@@ -96,6 +98,14 @@ wheel: $(TESTED)
 docs: $(TESTED)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 	@echo "== the site is out/site/index.html (search: $(BIN)/python -m mkdocs serve)"
+
+lock:
+	@echo '# The light install with the versions of constraints.txt, for pip and uv: `make lock` writes it.' > requirements.lock
+	@uv pip compile pyproject.toml --universal --python-version 3.11 -c constraints.txt --generate-hashes \
+	    --no-annotate --no-header --no-emit-index-url --no-emit-find-links --quiet >> requirements.lock
+
+release:
+	@.ci/release
 
 proof: $(TESTED)
 	@$(PIP) -e '.[proof]'

@@ -14,6 +14,7 @@ OFFERS = Offers(
             "doctor",
             "Check the machine and the car, with a remedy for each fault; exit code 1 when a check fails.",
         ),
+        "example": Verb("cockpit.examples", "app", "List and copy the examples of the documentation."),
         "camera": Verb(
             "cockpit.calibration.camera_cli", "app", "Calibrate a camera: its lens and how it is mounted."
         ),
@@ -53,6 +54,8 @@ OFFERS = Offers(
     examples={
         "init": "trepid init mycar --like shuttle",
         "doctor": "trepid doctor --car mycar",
+        "example list": "trepid example list",
+        "example copy": "trepid example copy night_bend",
         "camera import": "trepid camera import camera_info.yaml --out mycar/camera.yaml --force",
         "camera calibrate": "trepid camera calibrate boards/ --out mycar/camera.yaml --force",
         "calibrate steering": "trepid calibrate steering --car mycar",

@@ -5,7 +5,7 @@ import shlex
 import sys
 from pathlib import Path
 
-from trepid.config import CONFIG_DIR, ROOT, InputError, load, use_car
+from trepid.config import CONFIG_DIR, DOCS_DIR, ROOT, InputError, load, use_car
 from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.process import STOP_S
 from trepid.processes.settings import load_processes
@@ -17,7 +17,7 @@ UNIT = """\
 # It starts when a person starts it: a car that has stopped after a failure waits for one.
 [Unit]
 Description=Trepid drives {name}
-Documentation=file://{root}/docs/processes.md
+Documentation=file://{docs}/processes.md
 
 [Service]
 Type=notify
@@ -64,6 +64,7 @@ def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
         install=install,
         name=folder.name,
         root=_quote(str(ROOT)),
+        docs=_quote(str(DOCS_DIR)),
         folder=_quote(str(folder)),
         command=_quote(
             shlex.join([sys.executable, "-m", "trepid", "drive", "--car", str(folder), "--no-dashboard"])

@@ -1,4 +1,4 @@
-"""How near may a car cut in, and at what speed? Run it: trepid sim run examples/cut_in.py --jobs 2"""
+"""How near may a car cut in, and at what speed? Run it: trepid sim run cut_in.py --jobs 2"""
 
 from sim_harness.scenarios.scenario import Scenario
 

@@ -1,4 +1,4 @@
-"""How late may frames be on the S bend? Run it: trepid sim run examples/latency_sweep.py --jobs 2"""
+"""How late may frames be on the S bend? Run it: trepid sim run latency_sweep.py --jobs 2"""
 
 from sim_harness.scenarios.scenario import load_scenario
 

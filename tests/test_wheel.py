@@ -55,7 +55,7 @@ def test_images_are_estimated_by_every_estimator_of_the_drive(wheel: Installatio
 
 def test_the_laboratory_is_a_package_of_its_own(wheel: Installation) -> None:
     folders = {Path(file).parent.name for file in wheel.files()}
-    assert "bench" not in folders and {"recording", "lockstep", "replay"} <= folders
+    assert {"results", "lab"}.isdisjoint(folders) and {"recording", "lockstep", "replay"} <= folders
 
 
 def test_scenarios_run_in_lock_step(wheel: Installation) -> None:
@@ -70,6 +70,17 @@ def test_all_processes_drive_and_nothing_is_written_beside_the_packages(wheel: I
     assert row["departures"] == 0 and row["distance_m"] > 1.0, row["reasons"]
     assert wheel.files() == before
     assert set(wheel.work.iterdir()) == work
+
+
+def test_examples_are_copied_and_run_and_the_page_of_a_service_exists(wheel: Installation) -> None:
+    assert wheel.trepid("example", "copy", "night_bend").returncode == 0
+    truth = ["--set", "sight=truth", "--set", "duration_s=3", "--json"]
+    done = wheel.trepid("sim", "run", "night_bend.yaml", *truth)
+    assert json.loads(done.stdout)["departures"] == 0, done.stderr
+    assert wheel.trepid("init", "served", "--like", "shuttle").returncode == 0
+    unit = Path(wheel.work / wheel.trepid("service", "served").stdout.split()[0]).read_text(encoding="utf-8")
+    (page,) = [line.removeprefix("Documentation=file://") for line in unit.splitlines() if "file://" in line]
+    assert Path(page).is_file()
 
 
 def test_the_commands_of_the_first_fifteen_minutes_run_in_their_order(wheel: Installation) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sim_harness.footage.api import rate
     from trepid.config import InputError
 
-__version__ = "0.1.0"
+__version__ = "1.0.0rc1"
 __all__ = [
     "Car",
     "InputError",

@@ -34,6 +34,7 @@ FIRST = (
     "drive",
     "init",
     "doctor",
+    "example",
     "sim",
     "estimate",
     "camera",

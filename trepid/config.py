@@ -34,6 +34,7 @@ ROOT = Path(__file__).resolve().parents[1]
 _INSTALLED = ROOT / "trepid" / "defaults"  # where a wheel holds the files of config/
 IS_INSTALLED = _INSTALLED.is_dir()  # from a wheel; else a checkout
 CONFIG_DIR = _INSTALLED if IS_INSTALLED else ROOT / "config"
+EXAMPLES_DIR, DOCS_DIR = ((ROOT / "trepid" if IS_INSTALLED else ROOT) / name for name in ("examples", "docs"))
 WORK_DIR = Path() if IS_INSTALLED else ROOT
 """Where benchmarks and trainings write: the checkout, else the working folder."""
 CAR = "TREPID_CAR"

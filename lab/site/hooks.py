@@ -16,6 +16,7 @@ OF_CODE: Mapping[str, Callable[[], str]] = MappingProxyType(
 """Page of the site -> what writes it."""
 OF_REPOSITORY = MappingProxyType(
     {
+        "CHANGELOG.md": "changelog.md",
         "CONTRIBUTING.md": "contributing.md",
         "SECURITY.md": "security.md",
         "examples/add_on/README.md": "add_on.md",

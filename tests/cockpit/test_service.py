@@ -30,6 +30,8 @@ def test_the_unit_waits_for_readiness_has_a_watchdog_and_leaves_time_to_stop(
     service = unit["Service"]
     assert path.name == "trepid-mycar.service"
     assert (service["Type"], service["NotifyAccess"], service["Restart"]) == ("notify", "main", "no")
+    page = unit["Unit"]["Documentation"].removeprefix("file://")
+    assert "systemd" in Path(page).read_text(encoding="utf-8")
     assert service["ExecStart"].endswith(f"-m trepid drive --car {car} --no-dashboard")
     assert float(service["WatchdogSec"]) > 0
     assert (float(service["TimeoutStartSec"]), float(service["TimeoutStopSec"])) == (70, 22)
