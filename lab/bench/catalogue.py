@@ -34,6 +34,7 @@ BENCHMARKS = {
         "live.agreement",
         "live drives beside lock-step runs of the same scenarios, on a quiet and on a loaded machine",
         pictured=False,
+        continued=True,
     ),
     "soak": Benchmark(
         "live.soak", "half an hour live: memory, files, threads, lost messages of the recorder"

@@ -34,7 +34,7 @@ def bench(
         int | None,
         typer.Option(
             help="Seed of all random numbers; default: a random one, which is printed; 1 for benchmarks that"
-            " continue an interrupted run (imitation, most studies)."
+            " continue an interrupted run (imitation, live, most studies)."
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

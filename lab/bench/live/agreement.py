@@ -3,24 +3,30 @@
 A live drive is judged from its first motion: the distance that its row scores over that of all poses which the
 simulated vehicle published is 1. Verdict, distance, causes and modes are those of the lock-step run of the same
 seed, unless the machine is too slow for the camera of the scenario; the rate of the camera is the proof of that.
+
+Every drive is one line in ``runs/live_<seed>.jsonl``: an interrupted benchmark continues. A row keeps the load
+average from before the drive, because other programs of the machine slow a drive down as much as the load does.
 """
 
+import functools
 import multiprocessing
+import os
 import random
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from lab.bench.live.program import DriveProgram
 from lab.bench.runs import trepid
 from sim_harness.live.course import has_begun, lockstep_only
 from sim_harness.scenarios.scenario import Scenario, list_scenarios
+from sim_harness.sweep.store import stored_rows
 from trepid.bus import open_bus
 from trepid.clock import epoch_clock
-from trepid.loudness import note
+from trepid.config import WORK_DIR
 from trepid.topics import SIM_TRUTH
 
 COUNT = 20  # scenarios
@@ -32,19 +38,46 @@ HELD_S = 0.5  # a cause or mode of a shorter time need not occur in both
 Row = dict[str, Any]
 
 
+class Pairing(NamedTuple):
+    """A live drive that is compared with its lock-step run."""
+
+    scenario: Scenario
+    seed: int
+    load: int
+    """Processes that compute beside the drive."""
+
+
 def bench_live(seed: int, count: int = COUNT) -> Row:
     """Shares and agreements by load, and one row for each drive."""
     scenarios = choose_scenarios(seed, count)
-    drives: dict[str, Row] = {}
-    for number, scenario in enumerate(scenarios, 1):
-        (alone,) = trepid("sim", "run", scenario.name, "--seed", str(seed))
-        for load in LOADS:
-            note(f"{number} of {len(scenarios)}: {scenario.name}, load {load}")
-            with busy(load):
-                drives[f"{scenario.name}, load {load}"] = beside(
-                    alone, *driven_live(scenario, seed), scenario
-                )
+    pairings = {
+        name_of(scenario, load): Pairing(scenario, seed, load) for scenario in scenarios for load in LOADS
+    }
+    rows = stored_rows(WORK_DIR / "runs" / f"live_{seed}.jsonl", compare_drive, pairings, jobs=1)
+    drives = dict(zip(pairings, rows, strict=True))
     return {"loads": {f"load {load}": summary(drives, load) for load in LOADS}, "drives": drives}
+
+
+def name_of(scenario: Scenario, load: int) -> str:
+    """The name of a drive in the results."""
+    return f"{scenario.name}, load {load}"
+
+
+def compare_drive(pairing: Pairing) -> Row:
+    """The row of one live drive beside its lock-step run."""
+    scenario, seed, load = pairing
+    alone = lockstep_row(scenario.name, seed)
+    before = os.getloadavg()[0]
+    with busy(load):
+        row = beside(alone, *driven_live(scenario, seed), scenario)
+    return {**row, "load average before": round(before, 1)}
+
+
+@functools.lru_cache(maxsize=1)
+def lockstep_row(name: str, seed: int) -> Row:
+    """The row of the lock-step run of a scenario, which the drives at all loads are compared with."""
+    (row,) = trepid("sim", "run", name, "--seed", str(seed))
+    return row
 
 
 def choose_scenarios(seed: int, count: int) -> list[Scenario]:
@@ -114,9 +147,17 @@ def beside(alone: Row, live: Row, moved_m: float, scenario: Scenario) -> Row:
         "scored share": round((live["distance_m"] or 0.0) / moved_m, 4) if moved_m else None,
         "distance [m]": live["distance_m"],
         "distance agrees": apart_m <= max(NEAR_M, NEAR * alone["distance_m"]),
+        "distance in lock-step [m]": alone["distance_m"],
         "causes agree": lasting(live["causes"]) == lasting(alone["causes"]),
         "modes agree": lasting(live["modes"]) == lasting(alone["modes"]),
+        "only live": " ".join(sorted(words(live) - words(alone))),
+        "only in lock-step": " ".join(sorted(words(alone) - words(live))),
     }
+
+
+def words(row: Row) -> set[str]:
+    """The lasting causes and modes of a drive."""
+    return lasting(row["causes"]) | lasting(row["modes"])
 
 
 def lasting(seconds: dict[str, float]) -> set[str]:
