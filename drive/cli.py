@@ -13,7 +13,7 @@ from drive.course import PASSED
 from trepid.causes import Cause, in_words
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.loudness import Loudness, loudness, note, warn
-from trepid.messages import Health
+from trepid.messages import Health, Mode
 from trepid.options import Car, Changes, Chosen, RawImages
 
 if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
@@ -235,7 +235,7 @@ def driving_line(log: "DriveLog", *, elapsed_s: float) -> "Text":
         text.append(f"  speed {state.speed_mps:z4.1f} m/s")
     if decision is not None:
         colour = FEAR_COLOURS.get(decision.level, "white")
-        text.append(f"  {decision.mode}", style="bold")
+        text.append(f"  {Mode.STOP if log.own_stop else decision.mode}", style="bold")
         cause = in_words(decision.cause, decision.part)
         said = "" if decision.cause == Cause.NONE or cause in log.reason else f": {cause}"
         text.append(f"  fear {decision.fear:z.2f} {decision.level}{said}", style=colour)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from drive.course import Course, Verdict, why_not_driven
+from drive.course import NOT_DRIVEN, Course, Verdict, why_not_driven
 from drive.log import DriveLog
 from trepid.processes.launch import Fleet
 
@@ -16,20 +16,29 @@ def evaluate(
     elapsed_s: float,
     problems: list[str],
     notes: list[str],
+    end: str = "",
 ) -> dict[str, Any]:
     """The row of a drive of ``course`` for ``elapsed_s`` [s], by the judge of ``log``.
 
     Fields that need a true lane are None where there is none. Each of ``problems`` fails the drive; ``notes`` do
-    not.
+    not. ``end``: why it ended.
     """
     verdict = log.judge.verdict(problems, elapsed_s=elapsed_s)
     row = {"scenario": course.scenario, "seed": seed} | _judge(log, verdict, notes)
-    return row | _processes(log, fleet) if verdict.scores else row
+    return row | {"end": end} | _processes(log, fleet) if verdict.scores else row
+
+
+def closing_words(row: dict[str, Any]) -> str:
+    """Why a drive ended, and its verdict with the reasons, in a sentence."""
+    said = row["reasons"] or (row["notes"][-1:] if row["status"] == NOT_DRIVEN else [])
+    end = row.get("end", "")
+    verdict = f"{row['status']}: {'; '.join(said)}" if said else row["status"]
+    return verdict if not end or end in said else f"{end}; {verdict}"
 
 
 def _judge(log: DriveLog, verdict: Verdict, notes: list[str]) -> dict[str, Any]:
     """The judgement; of a car that never drove a note says what it waited for."""
-    notes = [*verdict.notes, *notes]
+    notes = [*verdict.notes, *log.limiter_stops, *notes]
     if not verdict.driven and verdict.scores:
         notes = [
             *notes,

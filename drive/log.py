@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from controller.limiter import OWN_STOPS
 from drive.course import Judge
-from drive.reason import reason
+from drive.reason import own_stop, reason
 from drive.tally import Tally
 from trepid.bus import Bus, Stream
 from trepid.clock import Clock
@@ -25,7 +26,6 @@ from trepid.topics import (
     Topic,
     estimate_topic,
 )
-from vehicle.driver.stop_button import STOPPED
 
 LOADS = ("rate_hz", "cpu_percent")
 """Values of a heartbeat: steps per second and share of a core [%]."""
@@ -107,6 +107,8 @@ class DriveLog:
         self.loads = Loads()
         self._began_s = self.now_s()
         self.times = FrameTimes(self._estimators)
+        self.limiter_stops: list[str] = []
+        """The stops of the limiter of its own accord, with their times; those by the button are interventions."""
 
     def receive(self, timeout_s: float) -> None:
         """Let messages gather for ``timeout_s``, then add all of them in the order of their publication.
@@ -123,21 +125,20 @@ class DriveLog:
             self._add(message)
 
     @property
-    def _holding_words(self) -> str:
-        """The words of the stop button that holds the car; "": it does not."""
-        beats = self.diagnostics.values()
-        return next((beat.message for beat in beats if beat.message.startswith(STOPPED)), "")
+    def own_stop(self) -> str:
+        """Why the vehicle process stops the car, whatever the decision; "": it does not."""
+        return own_stop(self.diagnostics.values())
 
     @property
     def waits_for(self) -> str:
-        """Why the car stands and what would end that: the stop button, else the supervisor; "": it may drive."""
-        return self._holding_words or (self.decision.waits_for if self.decision is not None else "")
+        """Why the car stands and what would end that, by vehicle process or supervisor; "": it may drive."""
+        return self.own_stop or (self.decision.waits_for if self.decision is not None else "")
 
     @property
     def reason(self) -> str:
-        """What the car does and why, in a sentence: held by the stop button, else :func:`drive.reason.reason`."""
+        """What the car does and why, in a sentence: of the vehicle process, else :func:`drive.reason.reason`."""
         driver = self.state is not None and self.state.driver_override
-        return self._holding_words or reason(self.decision, command=self.command, driver=driver)
+        return self.own_stop or reason(self.decision, command=self.command, driver=driver)
 
     def _add(self, message: Any) -> None:
         match message:
@@ -156,8 +157,15 @@ class DriveLog:
             case Timing():
                 self.times.add(message, from_s=self._began_s)
             case Diagnostic() if message.process != LAUNCHER:
+                self._note_stop(message)
                 self.diagnostics[message.process] = message
                 self.loads.add(message)
+
+    def _note_stop(self, beat: Diagnostic) -> None:
+        """Note ``beat`` if the limiter has begun to stop the car since the heartbeat before."""
+        before = self.diagnostics.get(beat.process)
+        if beat.message.startswith(OWN_STOPS) and not (before and before.message.startswith(OWN_STOPS)):
+            self.limiter_stops.append(f"at {beat.t_s - self._began_s:.1f} s {beat.message}")
 
     def malformed_count(self, process: str) -> int:
         """Number of malformed messages that a process has reported over its life."""

@@ -1,10 +1,10 @@
 """The launcher's monitor of one drive: its beginning, the losses of processes, its end, and its evaluation."""
 
-from collections.abc import Callable, Set
+from collections.abc import Callable, Sequence, Set
 from typing import Any
 
 from drive.course import Course
-from drive.evaluation import evaluate
+from drive.evaluation import closing_words, evaluate
 from drive.log import DriveLog
 from drive.losses import LossReport, Silence
 from drive.overview import Overview
@@ -27,6 +27,15 @@ def missing_processes(log: DriveLog, fleet: Fleet) -> list[str]:
     specs = {name: child.spec for name, child in fleet.children.items()}
     matters = [name for name, spec in specs.items() if spec.heartbeat and spec.loss is not Loss.NOTHING]
     return [name for name in matters if name not in log.diagnostics]
+
+
+def why_over(course: Course, log: DriveLog, elapsed_s: float, signals: Sequence[str]) -> str:
+    """Why a drive is over after ``elapsed_s`` [s] and the ``signals``; "" while it is not."""
+    if signals:
+        return signals[0]
+    if course.duration_s is not None and elapsed_s >= course.duration_s:
+        return f"its {course.duration_s:g} s are over"
+    return "the end of the route is reached" if log.truth is not None and log.truth.finished else ""
 
 
 class Monitor:
@@ -60,6 +69,7 @@ class Monitor:
         self._began_s = clock()
         self._shown_s = self._began_s
         self._lost_s: float | None = None  # time of the first loss of a process
+        self._end = ""  # why the drive ends
         self._ended_s: float | None = None  # from when on the car stops because the drive ends
         self._paused: Set[str] = frozenset()  # processes that are lost on purpose
 
@@ -96,6 +106,7 @@ class Monitor:
             if self._elapsed_time_s() > self._settings.ready_timeout_s:
                 raise InputError(self._not_ready(missing))
         self._problems += signals
+        self._end = signals[0]
         return False
 
     def _stop_before_start(self, signals: list[str]) -> None:
@@ -136,15 +147,13 @@ class Monitor:
 
     def _is_finished(self, signals: list[str]) -> bool:
         """True at the end of the drive. A real car is stopped before; a second signal ends at once."""
-        duration_s = self._course.duration_s
-        over = bool(signals) or (duration_s is not None and self._elapsed_time_s() >= duration_s)
-        over = over or (self._log.truth is not None and self._log.truth.finished)
-        if over and self._course.stops_at_end and len(signals) < 2 and not self._stands():
+        self._end = self._end or why_over(self._course, self._log, self._elapsed_time_s(), signals)
+        if self._end and self._course.stops_at_end and len(signals) < 2 and not self._stands():
             if self._ended_s is None:
                 self._ended_s = self._clock()
                 self._losses.request_stop()
             return self._fails_to_stop(self._clock() - self._ended_s, "the end")
-        return over or self._has_stopped_after_loss()
+        return bool(self._end) or self._has_stopped_after_loss()
 
     def _stands(self) -> bool:
         """True when the car reports standstill, or reports no speed at all."""
@@ -181,8 +190,8 @@ class Monitor:
         return f"{where}no heartbeat of {', '.join(missing)} {waited}{said}; {remedy}"
 
     def row(self, seed: int, *, remark: str = "") -> dict[str, Any]:
-        """The result of the run as a row of ``drive --json``. ``remark``: about the car, "" for none."""
-        return evaluate(
+        """The result as a row of ``drive --json``, also reported to the page. ``remark``: on the car, or ""."""
+        row = evaluate(
             self._log,
             self._fleet,
             self._course,
@@ -190,7 +199,10 @@ class Monitor:
             elapsed_s=self._elapsed_time_s(),
             problems=self._problems,
             notes=[*self._notes, *filter(None, [remark])],
+            end=self._end or "; ".join(self._problems),
         )
+        self._overview.close(closing_words(row), failed=bool(self._problems))
+        return row
 
     def _simulate_losses(self) -> None:
         """Pause the processes that the course loses now, and resume the others."""

@@ -12,7 +12,7 @@ from trepid.bus import Bus
 from trepid.clock import nanoseconds
 from trepid.messages import Diagnostic, Health
 from trepid.processes.launch import Fleet
-from trepid.processes.register import PROBLEMS, PROCESS
+from trepid.processes.register import END, PROBLEMS, PROCESS
 from trepid.processes.settings import LAUNCHER
 from trepid.recording.writer import BEGAN
 from trepid.topics import DIAGNOSTICS
@@ -51,6 +51,7 @@ class Notifier:
 
 
 PERIOD_S = 1.0
+ENDED = "the drive has ended"
 
 
 class Overview:
@@ -63,6 +64,7 @@ class Overview:
         self._sent_s = log.now_s() - PERIOD_S
         self._published = ""  # message of the last report
         self._began_s: float | None = None
+        self._end = ""  # why the drive has ended
         self._ends: dict[str, str] = {}  # reasons of the ends of processes
 
     def begin(self, now_s: float) -> None:
@@ -73,6 +75,11 @@ class Overview:
     def keep_end(self, name: str, reason: str) -> None:
         """Keep the reason of the end of the process ``name``."""
         self._ends[name] = reason
+
+    def close(self, words: str, *, failed: bool) -> None:
+        """Publish the last report: ``words`` say why the drive ended, and how it was judged."""
+        self._end = words
+        self.publish(Health.ERROR if failed else Health.OK, ENDED, words)
 
     def publish(self, health: Health, message: str, reason: str = "") -> None:
         """Publish when it is due, or when ``message`` has changed. ``reason``, with its numbers, follows it."""
@@ -87,6 +94,8 @@ class Overview:
         values += [
             (f"{PROCESS}{name}", json.dumps(self._state(name, now_s))) for name in self._fleet.children
         ]
+        if self._end:
+            values.append((END, self._end))
         if self._began_s is not None:
             values.append((BEGAN, str(nanoseconds(self._began_s))))
         self._send(

@@ -1,7 +1,11 @@
 """What a car does and why, as one short sentence: the same on the page, in the terminal and in an explanation."""
 
+from collections.abc import Iterable
+
+from controller.limiter import OWN_STOPS
 from trepid.causes import Cause, in_words, unseen
-from trepid.messages import Command, Decision, Limit, Mode, Stop
+from trepid.messages import Command, Decision, Diagnostic, Limit, Mode, Stop
+from vehicle.driver.stop_button import STOPPED
 
 MISSING = "missing "  # beginning of the notes of the rules about inputs without a value
 CLEAR = 0.95  # of the speed cap: a lower target speed of the controller is its own limit
@@ -20,6 +24,14 @@ def reason(decision: Decision | None, *, command: Command | None = None, driver:
     if driver or decision is None:
         return DRIVER if driver else NO_DECISION
     return decision.waits_for or _stop(decision) or _own_limit(decision, command) or _limit_words(decision)
+
+
+def own_stop(beats: Iterable[Diagnostic]) -> str:
+    """What a vehicle process says in its heartbeat while it stops the car, whatever the decision; "": it does not.
+
+    The stop button has been pressed, or the limiter misses commands or the speed.
+    """
+    return next((beat.message for beat in beats if beat.message.startswith((STOPPED, *OWN_STOPS))), "")
 
 
 def fired_rules(decision: Decision) -> list[tuple[str, float]]:

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from trepid.processes.page_door import PageDoor, page_token
 from trepid.processes.process import Process, process
 from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
 
+LAST_REPORT_S = 0.3  # the last report of the launcher may arrive after its signal to end
 MAX_MESSAGE = 2**16  # of a viewer, which sends its token and acknowledgements
 
 
@@ -74,12 +76,12 @@ def run(me: Process) -> None:
     door = PageDoor(options.host, options.port, page_token())
     desk = RuleDesk(Path(me.options["rules"]), Path(me.options["edited_rules"]))
     try:
-        asyncio.run(_serve(me, PageServer(door, hub, stop, desk, keeping), door, hub))
+        asyncio.run(_serve(me, PageServer(door, hub, stop, desk, keeping), door, hub, feed, view))
     finally:
         desk.close()
 
 
-async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> None:
+async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub, feed: Feed, view: PageView) -> None:
     application = page.application()
     server = Quiet(_config(application, door))
     with listening(door.host, door.port) as socket:
@@ -94,9 +96,20 @@ async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> Non
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(hub.wanted.wait(), pause_s)
             hub.wanted.clear()
-        await page.end()
+        await page.end(await _last_words(feed, view))
         server.ended.set()
         await serving
+
+
+async def _last_words(feed: Feed, view: PageView) -> str:
+    """Why the drive ended, of the last report of the launcher; "" where none arrives within LAST_REPORT_S."""
+    until_s = time.monotonic() + LAST_REPORT_S
+    while time.monotonic() < until_s:
+        feed.poll()
+        if view.end:
+            break
+        await asyncio.sleep(0.01)
+    return view.end
 
 
 async def _answer_once(application: ASGIApp) -> None:

@@ -67,6 +67,7 @@ HEADERS = {
     "cache-control": "no-cache",
 }
 GREETING_S = 5.0  # in which a viewer gives its token
+LONGEST_REASON = 123  # bytes of UTF-8
 WRONG_TOKEN, WRONG_ORIGIN, DRIVE_ENDED, TOO_MANY = 4401, 4403, 4410, 4429
 """Codes that end a stream."""
 MAX_BODY = 2**19
@@ -184,11 +185,11 @@ class PageServer:
             self._hub.viewers.discard(viewer)
             sender.cancel()
 
-    async def end(self) -> None:
-        """End every stream, because the drive has ended."""
+    async def end(self, why: str) -> None:
+        """End every stream, because the drive has ended; ``why``: in words, which the page shows."""
         for socket in tuple(self._streams):
             with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it has just been closed
-                await socket.close(DRIVE_ENDED)
+                await socket.close(DRIVE_ENDED, closing_reason(why))
 
     async def _greet(self, socket: WebSocket) -> int:
         """The code that ends the stream of a viewer without the token; 0 for one with it."""
@@ -230,6 +231,14 @@ class PageServer:
         body = await _body(request)
         text, sha256 = _text(body, "text"), _text(body, "sha256")
         return JSONResponse(await asyncio.to_thread(self._desk.apply, text, sha256))
+
+
+def closing_reason(text: str) -> str:
+    """``text`` within the length that a closing frame may have (RFC 6455, section 5.5), cut at a word."""
+    if len(text.encode()) <= LONGEST_REASON:
+        return text
+    kept = text.encode()[: LONGEST_REASON - len("…".encode())].decode(errors="ignore")
+    return f"{kept.rpartition(' ')[0] or kept}…"
 
 
 async def _send_all(socket: WebSocket, viewer: Viewer) -> None:

@@ -8,12 +8,12 @@ from cockpit.page.feed import Feed
 from cockpit.page.history import PathHistory, Timelines
 from cockpit.page.overlay import overlay
 from cockpit.page.stop import Hold
-from drive.reason import fired_rules, reason, speed_limit_mps
+from drive.reason import fired_rules, own_stop, reason, speed_limit_mps
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.causes import concerning, in_words
-from trepid.messages import Command, CompressedFrame, Decision, SteeringEstimate, Timing
-from trepid.processes.register import PROBLEMS, PROCESS
+from trepid.messages import Command, CompressedFrame, Decision, Diagnostic, SteeringEstimate, Timing
+from trepid.processes.register import END, PROBLEMS, PROCESS
 from vehicle.driver.stop_button import STOPPED
 
 FRESH_S = 1.0  # older messages are not shown as the present
@@ -44,7 +44,7 @@ class PageView:
         ``drive``: another text for every drive; ``no_keep``: why the last minutes cannot be kept.
         """
         self._feed, self._camera, self._vehicle, self._holder = feed, camera, vehicle, holder
-        self._of_drive = {"what": what, "drive": drive, "no_keep": no_keep, "holding": STOPPED}
+        self._of_drive = {"what": what, "drive": drive, "no_keep": no_keep}
         self.timelines = Timelines((*SERIES, *feed.estimates))
         self.track = PathHistory(0.5 * vehicle.scale)
 
@@ -68,7 +68,7 @@ class PageView:
             for name, of_one in feed.estimates.items()
         ]
         speed_mps = state.speed_mps if state else None
-        cap_mps = speed_limit_mps(decision, feed.command.refresh()) if decision else None
+        cap_mps = self._limit_mps(decision, feed.command.refresh(), now_s) if decision else None
         self.timelines.add(now_s, [fear, speed_mps, cap_mps, error_m, latency_ms, *confidences])
 
     def state(self, now_s: float) -> dict[str, Any]:
@@ -77,15 +77,21 @@ class PageView:
         decision, state = _fresh_decision(feed.decision, now_s), feed.state.refresh()
         state = state if state is not None and now_s - state.t_s <= FRESH_S else None
         report, hold, command = feed.report, self.hold(now_s), feed.command.refresh()
+        stops = self._own_stop(now_s)
+        driver = bool(state and state.driver_override)
+        shown = None if decision is None else _decision(decision)
+        if decision is not None and shown is not None:
+            shown["cap"] = self._limit_mps(decision, command, now_s)
         return {
             "now": now_s,
             **self._of_drive,
             "says": "" if report is None else dict(report.values).get(PROBLEMS, report.message),
-            "because": reason(decision, command=command, driver=bool(state and state.driver_override)),
+            "because": stops or reason(decision, command=command, driver=driver),
             "held": hold is not None and hold.held,
+            "stops": bool(stops),
             "speed": None if state is None else state.speed_mps,
             "true_error": self.track.true,
-            "decision": None if decision is None else _decision(decision, command),
+            "decision": shown,
             "estimates": {name: _estimate(list(of_one), now_s) for name, of_one in feed.estimates.items()},
             "lead": self._lead(now_s),
             "latency": _spread(_latencies_ms(feed.applied, now_s)),
@@ -96,10 +102,28 @@ class PageView:
 
     def hold(self, now_s: float) -> Hold | None:
         """What the vehicle process reports of the stop button; None while it is silent."""
+        beat = self._holding_beat(now_s)
+        return None if beat is None else Hold(beat.t_s, beat.message.startswith(STOPPED))
+
+    @property
+    def end(self) -> str:
+        """Why the drive ended and how it was judged, by the last report of the launcher; "" before."""
+        report = self._feed.report
+        return "" if report is None else dict(report.values).get(END, "")
+
+    def _holding_beat(self, now_s: float) -> Diagnostic | None:
+        """The newest heartbeat of the process that obeys the stop button; None while it is silent."""
         beat = self._feed.beats.get(self._holder or "")
-        if beat is None or abs(now_s - beat.t_s) > LATE_BEAT_S:
-            return None
-        return Hold(beat.t_s, beat.message.startswith(STOPPED))
+        return None if beat is None or abs(now_s - beat.t_s) > LATE_BEAT_S else beat
+
+    def _own_stop(self, now_s: float) -> str:
+        """Why this process stops the car, whatever the decision; "": it does not."""
+        beat = self._holding_beat(now_s)
+        return "" if beat is None else own_stop([beat])
+
+    def _limit_mps(self, decision: Decision, command: Command | None, now_s: float) -> float:
+        """The highest speed that supervisor, controller and vehicle process allow [m/s]."""
+        return 0.0 if self._own_stop(now_s) else speed_limit_mps(decision, command)
 
     def overlay_of(self, picture: CompressedFrame) -> dict[str, Any]:
         """The overlay of ``picture``: by the estimates and the decision of its frame, or the last ones before."""
@@ -148,7 +172,7 @@ def _fresh_decision(decision: Decision | None, now_s: float) -> Decision | None:
     return decision if decision is not None and now_s - decision.decided_s <= FRESH_S else None
 
 
-def _decision(decision: Decision, command: Command | None) -> dict[str, Any]:
+def _decision(decision: Decision) -> dict[str, Any]:
     return {
         "mode": decision.mode,
         "stop": decision.stop,
@@ -159,7 +183,6 @@ def _decision(decision: Decision, command: Command | None) -> dict[str, Any]:
         "cause_words": in_words(decision.cause, decision.part),
         "rules": [[text, round(strength, 3)] for text, strength in fired_rules(decision)][:RULES_SHOWN],
         "inputs": dict(zip(decision.inputs, decision.input_values, strict=False)),
-        "cap": speed_limit_mps(decision, command),
         "source": decision.path_source,
         "sight": decision.sight_m,
         "sight_cause": decision.sight_cause,

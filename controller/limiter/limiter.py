@@ -65,6 +65,10 @@ class Wheel(NamedTuple):
     speed_mps: float
 
 
+NO_COMMAND = "no command arrives: the vehicle stops by itself, and waits for commands at standstill"
+NO_SPEED = "no speed is measured: the vehicle stops by itself, and waits for a measured speed"
+OWN_STOPS = NO_COMMAND, NO_SPEED
+"""What the vehicle process says while the limiter stops the car of its own accord."""
 UNSEEN = Wheel(0.0, 0.0)  # the output before the first measured wheel angle
 
 
@@ -80,14 +84,13 @@ class Limiter:
         self._jerk_mps3 = limits.lateral_jerk_share * limits.lateral_jerk_mps3
         self._turn = SteadyTurn(vehicle)
         self._excess = Excess(self._turn, limits)
-        self._arrivals = Arrivals(limits)
-        self._driver = DriverWatch(vehicle, limits)
+        self._arrivals, self._driver = Arrivals(limits), DriverWatch(vehicle, limits)
         self._saturation = SaturationWatch(vehicle, limits)
-        # Times of the first step, of the last step and of the last plausible state; initially that of the first
-        # step.
+        # Times of the first step, the last step and the last plausible state; initially that of the first step.
         self._start_s = self._now_s = self._state_s = nan
         self.stopping = False
         """The limiter stops the car."""
+        self.stop_reason = ""  # one of OWN_STOPS; "": the limiter does not stop the car of its own accord
         self.handed_over = False
         """The driver has the car."""
         self._ours_s = 0.0  # time since the hand-back
@@ -126,7 +129,7 @@ class Limiter:
         timeout_s = self._limits.command_timeout_s
         usable = sound if fresh(received_s, now_s, timeout_s, self._limits) else None
         waiting = command is None and fresh(self._start_s, now_s, timeout_s, self._limits)
-        self._judge(seen, lost=usable is None and not waiting)
+        self._judge(seen, lost=usable is None and not waiting, missing=command is not None and usable is None)
         calm = fresh(received_s, now_s, self._limits.command_late_s, self._limits) and not seldom
         calm = calm and seen is not None and seen.measures_speed and seen.wheel_rad is not None
         if seen is None:
@@ -140,9 +143,8 @@ class Limiter:
         """Time since the last step; at most ``max_step_s``, so that a pause opens no limit wide."""
         if isnan(self._start_s):
             self._start_s = self._now_s = self._state_s = now_s
-        dt_s = clip(now_s - self._now_s, (0.0, self._limits.max_step_s))
-        self._now_s = now_s
-        return dt_s
+        last_s, self._now_s = self._now_s, now_s
+        return clip(now_s - last_s, (0.0, self._limits.max_step_s))
 
     def _is_driven_by_hand(self, seen: SeenState) -> bool:
         """Whether the driver has the car; the first measured angle becomes the output."""
@@ -154,7 +156,7 @@ class Limiter:
 
     def _hand_over(self, seen: SeenState, frame_s: float | None, dt_s: float) -> Command:
         """The measured angle as output; drive and brakes fade."""
-        self.stopping = False
+        self.stopping, self.stop_reason = False, ""
         self._ours_s = 0.0
         self._follow(seen)
         self._saturation.rest(dt_s)
@@ -162,12 +164,14 @@ class Limiter:
         accel_mps2 = clip(0.0, (self._accel_mps2 - reach_mps2, self._accel_mps2 + reach_mps2))
         return self._actuator_command(frame_s, seen.speed_mps, accel_mps2, dt_s)
 
-    def _judge(self, seen: SeenState | None, *, lost: bool) -> None:
-        """Begin the stop when commands or states are lost, and end it at standstill."""
-        if lost or self._now_s - self._state_s > self._limits.state_timeout_s:
+    def _judge(self, seen: SeenState | None, *, lost: bool, missing: bool) -> None:
+        """Begin the stop when commands (after earlier ones: ``missing``) or states are lost; standstill ends it."""
+        blind = self._now_s - self._state_s > self._limits.state_timeout_s
+        if lost or blind:
             self.stopping = True
         elif seen is not None and seen.measures_speed and seen.speed_mps <= self.standstill_mps:
             self.stopping = False
+        self.stop_reason = NO_COMMAND if missing else NO_SPEED if blind else self.stop_reason * self.stopping
 
     def _demand(self, command: Command | None, highest_mps2: float) -> float:
         """Acceleration demand [m/s²], at most ``highest_mps2``."""

@@ -27,11 +27,12 @@ def run(me: Process) -> None:
     send_state, send_truth = me.bus.publisher(VEHICLE_STATE), me.bus.publisher(SIM_TRUTH)
     send_lead, send_users = me.bus.publisher(LEAD_VEHICLE), me.bus.publisher(ROAD_USERS)
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    limiter = build_limiter(vehicle)
     simulated = SimulatedVehicle(
         scenario,
         scenario.build_road(),
         vehicle,
-        build_limiter(vehicle),
+        limiter,
         settings,
         seed=me.options["seed"],
     )
@@ -67,11 +68,9 @@ def run(me: Process) -> None:
                 send_lead(lead)
             if user_sensor is not None and (users := user_sensor.step(simulated)) is not None:
                 send_users(users)
-        if button.held or simulated.sensors.doubts:
-            stopped = (STOPPED,) if button.held else ()
-            me.count_step(Health.WARN, "; ".join((*stopped, *simulated.sensors.doubts)))
-        else:
-            me.count_step()
+        stopped = STOPPED if button.held else limiter.stop_reason
+        said = "; ".join(filter(None, (stopped, *simulated.sensors.doubts)))
+        me.count_step(Health.WARN if said else Health.OK, said)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 from message_rig import decision
 
+from drive.evaluation import closing_words
 from drive.monitor import Monitor
 from drive.open_road import OpenRoad
 from sim_harness.live.course import ScenarioCourse
@@ -16,8 +17,9 @@ from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Losses, VehicleState
 from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.launch import UnexpectedExit
+from trepid.processes.register import END
 from trepid.processes.settings import LAUNCHER, Loss, ProcessSpec
-from trepid.topics import DECISION, LOSSES, VEHICLE_STATE
+from trepid.topics import DECISION, DIAGNOSTICS, LOSSES, VEHICLE_STATE
 
 
 def test_a_process_that_refuses_its_input_ends_the_drive_with_that_line():
@@ -46,7 +48,7 @@ def test_a_real_car_that_moves_on_after_the_end_fails_the_drive(
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     clock = map(float, itertools.count()).__next__  # a second passes at every reading
     with open_bus("car", clock, listen=free_endpoint()) as bus:
-        send = bus.publisher(VEHICLE_STATE)
+        send, reports = bus.publisher(VEHICLE_STATE), bus.stream(DIAGNOSTICS)
         monitor = Monitor(bus, clock, fleet, OpenRoad(duration_s=5.0), (), settings, lambda *_: None)
         send(
             VehicleState(
@@ -59,7 +61,9 @@ def test_a_real_car_that_moves_on_after_the_end_fails_the_drive(
         )
         monitor.watch([])
         row = monitor.row(0)
+        ends = [dict(report.values)[END] for report, _ in reports.drain() if END in dict(report.values)]
     assert (row["status"], row["reasons"]) == ("failed" if problems else "not driven", problems)
+    assert row["end"] == "its 5 s are over" and ends == [closing_words(row)]
 
 
 def test_a_drive_begins_without_a_process_whose_loss_changes_nothing():

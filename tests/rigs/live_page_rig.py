@@ -35,7 +35,7 @@ from trepid.messages import (
 )
 from trepid.processes.launch import Fleet
 from trepid.processes.page_door import PageDoor, page_door
-from trepid.processes.register import PROCESS
+from trepid.processes.register import END, PROCESS
 from trepid.processes.settings import LAUNCHER, ProcessSpec
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -93,6 +93,8 @@ class Scene:
         self.estimates: dict[str, SteeringEstimate] = {}  # instead of those on the grey one
         self.path: dict[str, Any] = {}  # further fields of the decision
         self.silent = False
+        self.own_stop = ""  # what the vehicle process says of a stop of its own
+        self.end = ""  # why the drive has ended
         self.deaf = False  # the vehicle process receives no request of the stop button
 
 
@@ -173,18 +175,26 @@ class Publisher:
             self._report(now_s)
 
     def _report(self, now_s: float) -> None:
-        send = self._send
+        send, scene = self._send, self.scene
         row = {
             "name": "vehicle", "pid": 1, "alive": True, "rate_hz": 100.0, "age_s": 0.3, "cpu_percent": 12.5,
-            "restarts": self.scene.restarts, "message": "", "health": "ok", "heartbeat": True,
+            "restarts": scene.restarts, "message": "", "health": "ok", "heartbeat": True,
         }  # fmt: skip
         lost = {**row, "name": "cnn", "alive": False, "message": "was killed by SIGKILL", "rate_hz": None}
-        values = ((f"{PROCESS}vehicle", json.dumps(row)), (f"{PROCESS}cnn", json.dumps(lost)))
+        values = (
+            (END, scene.end),
+            (f"{PROCESS}vehicle", json.dumps(row)),
+            (f"{PROCESS}cnn", json.dumps(lost)),
+        )
         send[DIAGNOSTICS.key](
             Diagnostic(t_s=now_s, process=LAUNCHER, health=Health.OK, message="driving", values=values)
         )
         beat = Diagnostic(
-            t_s=now_s, process="vehicle", health=Health.OK, message=STOPPED * self.button.held, values=()
+            t_s=now_s,
+            process="vehicle",
+            health=Health.OK,
+            message=STOPPED * self.button.held or scene.own_stop,
+            values=(),
         )
         send[DIAGNOSTICS.key](beat)
         frames = (now_s - 0.1, now_s - 0.06)

@@ -12,6 +12,8 @@ from trepid.config import InputError, Settings
 
 PROCESS = "process "
 """Beginning of the names of values in the launcher's report, followed by the name of a process; JSON."""
+END = "end"
+"""Value of the last report of the launcher: why the drive ended, and how it was judged."""
 PROBLEMS = "problems"
 """Name of the value in that report with its problems alone, without what the car does."""
 

@@ -80,6 +80,11 @@ class ActuatorStep:
         self._measurements.add_command(applied)
         return AppliedStep(applied, reported, doubts)
 
+    @property
+    def stop_reason(self) -> str:
+        """Why the limiter stops the car of its own accord; "" while it does not."""
+        return self._limiter.stop_reason
+
     def moves(self, state: VehicleState) -> bool:
         """True while the car of ``state`` moves and no driver has it."""
         speed_mps = state.speed_mps or 0.0
@@ -223,8 +228,11 @@ class Loop:
     def _condition(
         self, failed: bool, state: VehicleState | None, reason: str, doubted: str, *, ending: bool
     ) -> tuple[Health, str]:
-        """Health and message of the heartbeat; a message begins with STOPPED while the button holds the car."""
-        stopped = STOPPED if self._button.held else ""
+        """Health and message of the heartbeat.
+
+        A message begins with STOPPED while the button holds the car, else with why the limiter stops it.
+        """
+        stopped = STOPPED if self._button.held else self._node.stop_reason
         if failed or self._wire.failures > self._known:
             health, text = Health.ERROR, f"actuator {self._name}: {self._wire.last}"
         elif state is None:

@@ -68,6 +68,8 @@ function lose(text) {
   connection(ended ? "drive ended" : text, false);
   if (ended) panels.nothing(ended, "ENDED");
   else panels.nothing(text);
+  camera.nothing();
+  stop.nothing(Boolean(ended));
 }
 
 function unpack(buffer) {
@@ -124,13 +126,13 @@ function connect() {
     socket.send(JSON.stringify({ token: key }));
   };
   socket.onmessage = event => receive(socket, event.data);
-  socket.onclose = ({ code }) => {
+  socket.onclose = ({ code, reason }) => {
     if (code === WRONG_TOKEN || code === WRONG_ORIGIN) {
       refused = "wrong token: open the address that trepid drive, or trepid status, prints";
       lose(refused);
       return;
     }
-    if (code === ENDED) ended = `drive ended at ${new Date().toLocaleTimeString([], { hour12: false })}, after ${driven.toFixed(0)} m; start the next with trepid drive`;
+    if (code === ENDED) ended = `drive ended at ${new Date().toLocaleTimeString([], { hour12: false })}, after ${driven.toFixed(0)} m${reason ? `: ${reason}` : ""}; start the next with trepid drive`;
     lose(code === TOO_MANY ? "too many viewers" : "no connection to the drive");
     setTimeout(connect, retry);
     retry = Math.min(2 * retry, LAST_RETRY_MS);

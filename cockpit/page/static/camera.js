@@ -99,6 +99,12 @@ export class Camera {
     context.fillText(text, left, top - 5 * unit);
   }
 
+  // Without a connection nothing is known of the present.
+  nothing() {
+    for (const value of this.named.values()) if (value.textContent !== "–") value.textContent = "–";
+    document.getElementById("source").textContent = "–";
+  }
+
   // The legend: a line for each estimator, with its confidence now.
   names(state) {
     for (const [name, estimate] of Object.entries(state.estimates)) {

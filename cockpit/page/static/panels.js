@@ -33,6 +33,11 @@ export class Panels {
     for (const id of ["speed", "cap", "sight"]) put(id, "–");
     put("sight-cause", "");
     put("says", "");
+    this.firing([]);
+    for (const cells of this.rows.values()) {
+      for (const cell of cells.slice(1)) put(cell, "–");
+      cells[0].parentNode.classList.remove("ill");
+    }
   }
 
   show(state) {
@@ -45,7 +50,7 @@ export class Panels {
     put("sight-cause", words(decision?.sight_cause ?? ""));
     put("driven", number(state.driven, 0));
     put("source", decision?.source ?? "none");
-    if (state.held || (state.stopping && !state.stop_undelivered)) this.mode("STOP", "STOP", state.held ? state.holding : "stop button pressed");
+    if (state.stops || (state.stopping && !state.stop_undelivered)) this.mode("STOP", "STOP", state.stops ? state.because : "stop button pressed");
     else if (!decision) this.mode("NONE", "NO DATA", "no decision of the supervisor");
     else this.mode(decision.mode, decision.mode, state.because);
     this.fear(decision);

@@ -16,10 +16,10 @@ export class StopButton {
   }
 
   async press() {
-    if (this.wanted) return;
+    if (this.wanted || element("stop").disabled) return;
     this.wanted = true;
     element("stop-word").textContent = "stopping";
-    while (this.wanted) {
+    while (this.wanted && !element("stop").disabled) {
       try {
         await this.ask("/stop", { stop: true }, ANSWER_MS);
         this.wanted = false;
@@ -44,7 +44,18 @@ export class StopButton {
     await this.ask("/stop", { stop: false }, ANSWER_MS).then(() => this.failed(""), error => this.failed(`Not released: ${error.message}`));
   }
 
+  // No connection: a press is tried again and again. After the end of a drive there is no car to stop.
+  nothing(ended) {
+    element("stop").disabled = ended;
+    element("release").hidden = true;
+    if (!ended) return;
+    this.wanted = this.undelivered = false;
+    this.failed("");
+    element("stop-word").textContent = "STOP";
+  }
+
   show(state) {
+    element("stop").disabled = false;
     this.undelivered = state.stop_undelivered;
     this.alarm();
     const word = state.held ? "STOPPED" : state.stopping || this.wanted ? "stopping" : "STOP";

@@ -15,6 +15,7 @@ from live_page_rig import RING, STATIC, LivePage, Publisher, Scene, chromium, ru
 from message_rig import decision
 from process_rig import until
 
+from controller.limiter import NO_COMMAND
 from sim_harness.lockstep.closed_loop import Instant, run
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import ROOT
@@ -29,6 +30,7 @@ from vehicle.driver.stop_button import STOPPED
 pytest.importorskip("selenium")
 pytestmark = pytest.mark.long
 PATIENCE_S = 15.0
+END_WORDS = "its 30 s are over; passed"
 
 
 class Seen:
@@ -195,6 +197,14 @@ def test_a_bend_is_known_by_the_commanded_speed_and_a_driver_comes_first(seen):
     assert seen.becomes("because", "at most 5.0 m/s")
 
 
+def test_a_stop_of_the_vehicle_itself_is_named_although_the_decision_would_drive(seen):
+    seen.scene.own_stop = NO_COMMAND
+    assert seen.becomes("mode", "STOP") and seen.becomes("because", NO_COMMAND)
+    assert seen.becomes("cap", "0.0")
+    seen.scene.own_stop = ""
+    assert seen.becomes("mode", "KEEP")
+
+
 def test_the_word_of_the_mode_is_legible_from_three_metres(seen):
     """Letters of 1/200 of the distance are legible for everybody: 15 mm, at 96 pixels per inch 57 pixels."""
     height = """const style = getComputedStyle(document.getElementById('mode'));
@@ -359,10 +369,17 @@ def test_after_a_lost_connection_the_page_says_that_it_is_connected_again(seen):
     assert seen.text("notice").startswith("Connected again at ")
 
 
-def test_a_drive_that_ends_says_so_until_the_next_one_begins(seen):
+def test_a_drive_that_ends_says_why_until_the_next_one_begins_and_has_no_car_to_stop(seen):
+    seen.scene.end = END_WORDS
+    assert until(lambda: seen.text("legend-lead") not in ("", "–"), patience_s=PATIENCE_S)
+    time.sleep(0.6)  # the next report of the launcher
     seen.page.stop()
     assert seen.becomes("mode", "ENDED") and seen.becomes("connection", "drive ended")
     assert seen.text("because").startswith("drive ended at ")
+    assert END_WORDS in seen.text("because")
+    assert {seen.text(f"legend-{name}") for name in ("cv", "cnn", "lead")} == {"–"}
+    assert seen.text("source") == "–" and not seen.text("firing")
+    assert seen.js("return document.getElementById('stop').disabled")
     time.sleep(3.0)  # the page tries to connect again meanwhile
     assert seen.text("mode") == "ENDED" and seen.text("fear-now") == "–"
     seen.page.start()

@@ -7,6 +7,8 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from live_page_rig import truth
 from message_rig import SHUTTLE, decision, estimate, state
 
@@ -14,13 +16,17 @@ from cockpit.page.feed import Feed
 from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, PathHistory, Timelines
 from cockpit.page.hub import HEADER, Hub, Viewer, pack_state
 from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px, people_px
+from cockpit.page.server import LONGEST_REASON, closing_reason
 from cockpit.page.stop import RELEASE_S, REPEAT_S, UNDELIVERED_S, StopSender
 from cockpit.page.view import LATE_BEAT_S, PageView
+from controller.limiter import OWN_STOPS
 from drive.reason import DRIVER, NO_DECISION
 from trepid.bus import Bus
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Diagnostic, Health, LeadVehicle, RoadUsers, StopRequest, Timing
+from trepid.processes.register import END, PROBLEMS
+from trepid.processes.settings import LAUNCHER
 from trepid.topics import CAMERA_COMPRESSED, DECISION, DIAGNOSTICS, SIM_TRUTH, TIMING, VEHICLE_STATE
 from trepid.wire import to_cdr
 from vehicle.driver.stop_button import STOPPED
@@ -159,11 +165,12 @@ class Air:
         sent = {DIAGNOSTICS: self.beats, TIMING: self.times}[topic]
         return SimpleNamespace(drain=lambda: [(sent.pop(0), self.now_s) for _ in list(sent)])
 
-    def beat(self, process: str, message: str, t_s: float | None = None) -> None:
+    def beat(self, process: str, message: str, t_s: float | None = None, **values: str) -> None:
         """A heartbeat of ``process``, sent now or at ``t_s``."""
         t_s = self.now_s if t_s is None else t_s
+        told = tuple(values.items())
         self.beats.append(
-            Diagnostic(t_s=t_s, process=process, health=Health.WARN, message=message, values=())
+            Diagnostic(t_s=t_s, process=process, health=Health.WARN, message=message, values=told)
         )
 
     def publisher(self, _: object) -> Any:
@@ -347,9 +354,31 @@ def test_the_driver_has_the_car_only_by_a_present_state():
     assert (shown["because"], shown["speed"]) == (NO_DECISION, None)
 
 
+@given(st.text(alphabet="aé😀 ", max_size=200))
+def test_why_a_drive_ended_fits_the_closing_frame_and_is_cut_only_where_it_must_be(text: str):
+    kept = closing_reason(text)
+    assert len(kept.encode()) <= LONGEST_REASON
+    assert kept == text if len(text.encode()) <= LONGEST_REASON else text.startswith(kept.removesuffix("…"))
+
+
+def test_the_page_knows_why_the_drive_ended_by_the_last_report_of_the_launcher():
+    air, _, view, _ = idle_page()
+    assert view.end == ""
+    air.beat(LAUNCHER, "driving", **{PROBLEMS: ""})
+    view._feed.poll()
+    assert view.end == ""
+    air.beat(LAUNCHER, "the drive has ended", **{END: "its 30 s are over; passed"})
+    view._feed.poll()
+    assert view.end == "its 30 s are over; passed"
+
+
 def test_the_banner_gets_what_a_standing_car_waits_for_and_the_words_of_the_stop_button():
     air, _, view, _ = idle_page()
     words = "starting: waits for the estimate of cnn (none for 3.1 s)"
     view._feed.decisions.append(decision(t_s=air.now_s, decided_s=air.now_s, waits_for=words))
-    shown = view.state(air.now_s)
-    assert (shown["because"], shown["holding"]) == (words, STOPPED)
+    assert view.state(air.now_s)["because"] == words
+    for said in (STOPPED, *OWN_STOPS):
+        air.beat("car", said)
+        view._feed.poll()
+        shown = view.state(air.now_s)
+        assert (shown["because"], shown["stops"], shown["decision"]["cap"]) == (said, True, 0.0)

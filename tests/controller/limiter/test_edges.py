@@ -6,6 +6,7 @@ import pytest
 from limiter_rig import AT_ONCE, DT_S, EXACT, limiter, seen, state
 from message_rig import SHUTTLE, command, vehicle
 
+from controller.limiter import NO_COMMAND, NO_SPEED
 from controller.limiter.turn import Excess, SteadyTurn
 
 TURN = SteadyTurn(SHUTTLE)
@@ -248,6 +249,32 @@ def test_states_are_lost_after_their_timeout(age_s, stops):
     stepped(one, 0.0)
     one.step(command(age_s), age_s, None, now_s=age_s)
     assert one.stopping is stops
+
+
+def test_the_limiter_says_why_it_stops_the_car_until_it_does_so_no_more():
+    one = limiter()
+    said = []
+    for now_s, received_s in ((0.0, 0.0), (0.3, 0.0), (0.31, 0.31), (0.32, 0.32)):
+        speed_mps = 0.0 if now_s == 0.32 else 5.0
+        one.step(command(received_s), received_s, state(now_s, speed_mps=speed_mps), now_s=now_s)
+        said.append(one.stop_reason)
+    assert said == ["", NO_COMMAND, NO_COMMAND, ""]
+    one.step(command(0.5), 0.5, None, now_s=0.5)
+    assert one.stop_reason == NO_SPEED
+    stepped(one, 0.51, driver_override=True)
+    assert one.stop_reason == ""
+
+
+def test_a_limiter_that_never_got_a_command_or_stops_on_request_names_no_reason_of_its_own():
+    one = limiter()
+    for now_s in (0.0, 0.3, 0.6):
+        one.step(None, None, state(now_s), now_s=now_s)
+    assert one.stopping and one.stop_reason == ""
+    other = limiter()
+    stepped(other, 0.0)
+    other.stopping = True
+    stepped(other, DT_S)
+    assert other.stopping and other.stop_reason == ""
 
 
 @pytest.mark.parametrize("speed,stops", [(0.125, False), (0.126, True)])
