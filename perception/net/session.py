@@ -44,8 +44,9 @@ RUN_FAILURES: tuple[type[Exception], ...] = (
     *(ValueError, IndexError, _ERRORS.Fail, _ERRORS.InvalidArgument),
     *(_ERRORS.NotImplemented, _ERRORS.RuntimeException),
 )
+_LFS = b"version https://git-lfs"
 _OTHER_FILES = {
-    b"version https://git-lfs": "a Git LFS pointer, not the network: `git lfs pull` gets it",
+    _LFS: "a Git LFS pointer, not the network: `git lfs pull` gets it",
     b"PK\x03\x04": "a zip archive or PyTorch checkpoint: export it to ONNX (`torch.onnx.export`)",
     b"<!doctype html": "a web page: download the file itself",
     b"<html": "a web page: download the file itself",
@@ -98,6 +99,9 @@ def open_session(path: Path) -> InferenceSession:
     try:
         return session_of(path)
     except _OPENING as error:
+        pointer = _pointer_beside(path) if "External" in str(error) else None
+        if pointer is not None:
+            raise InputError(f"{pointer}: {_OTHER_FILES[_LFS]}") from error
         raise InputError(f"{path}: {_fault_of(error)}") from error
 
 
@@ -150,6 +154,17 @@ def _fault_before(path: Path) -> str:
         return "a TensorFlow Lite model, not ONNX: only detectors (`.tflite`) are read from these"
     known = (text for mark, text in _OTHER_FILES.items() if start.lstrip().lower().startswith(mark.lower()))
     return next(known, "")
+
+
+def _pointer_beside(path: Path) -> Path | None:
+    """The first file beside ``path`` whose name the network has and whose content Git LFS has not brought yet."""
+    network = path.read_bytes()
+    for file in sorted(path.parent.iterdir()):
+        if file.name.encode() in network and file.is_file():
+            with file.open("rb") as opened:
+                if opened.read(len(_LFS)) == _LFS:
+                    return file
+    return None
 
 
 def _fault_of(error: Exception) -> str:

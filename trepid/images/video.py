@@ -33,6 +33,7 @@ CODECS = {
     "apch": "ProRes",
     "vvc1": "VVC",
 }
+DECODED = {"H.264", "HEVC", "VP8", "VP9", "ProRes"}  # by every build of OpenCV with FFmpeg, as of PyPI
 BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free")  # that begin an MP4 or MOV
 LEAST_STEP_S = 5e-4  # between two frames: stamps are whole milliseconds or finer, and rates below 1 kHz
 MOST_FRAMES = 1e8
@@ -148,6 +149,8 @@ def _unreadable(path: Path, capture: cv2.VideoCapture) -> str:
     if not capture.isOpened() and not _is_container(beginning):
         return f"{path}: cannot be read as a video"
     codec = _opened_codec(capture) if capture.isOpened() else _codec_in(beginning + end)
+    if codec in DECODED:
+        return f"{path}: {codec}: damaged: no picture in it can be decoded"
     copy = shlex.quote(str(path.with_name(f"{path.stem}-h264.mp4")))
     return (
         f"{path}: {codec or 'its codec'}: this OpenCV cannot decode it; convert it:"

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from datetime import datetime
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import numpy as np
@@ -76,7 +76,10 @@ def _version_2(path: Path, faults: Faults, angle: str) -> Log:
     if manifest.records is not None:
         _count_lost(f"{path / MANIFEST}:5", manifest.records, records, faults.rows - before, faults)
     images = manifest.images or _image_inputs(records)
-    log = _log("tub2", path, path / IMAGES, records, (images[0], angle), faults, manifest.deleted or set())
+    root = (
+        path / IMAGES if (path / IMAGES).is_dir() else path
+    )  # some copies of tubs have the images beside all else
+    log = _log("tub2", path, root, records, (images[0], angle), faults, manifest.deleted or set())
     log.files = tuple(
         file for file in (path / MANIFEST, *(path / name for name in catalogs)) if file.is_file()
     )
@@ -192,7 +195,7 @@ def _log(
             continue
         rows.append(row)
         places.append(where)
-        names.append(record[image])
+        names.append(_image_below(root, record[image]))
         session = record.get("_session_id")
         routes.append(f"{path.name}/{session}" if session else path.name)
         by_pilot = record.get(MODE, "user") not in ("user", "recording")
@@ -224,6 +227,15 @@ def _log(
     if not timed:
         log.notes.append(f"the records have no times: {LOOP_HZ:g} Hz assumed, the default of donkeycar")
     return log
+
+
+def _image_below(root: Path, written: str) -> str:
+    """The image ``written`` in a record, below ``root``.
+
+    Some tools write its path on the machine of the drive, of Linux or Windows: then the file of its name counts.
+    """
+    name = PureWindowsPath(written).name
+    return name if not (root / written).is_file() and (root / name).is_file() else written
 
 
 def _check_angle(path: Path, records: list[Record], angle: str) -> None:

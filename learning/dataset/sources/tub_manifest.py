@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 from trepid.config import InputError, read_text
@@ -100,7 +100,9 @@ def _take_catalogs(manifest: Manifest, path: Path, held: object) -> None:
     if not (isinstance(held, dict) and _is_list(held.get("paths"), str)):
         manifest.faults.append((f"{path}:5: no names of catalogs in paths", OF_FOLDER))
         return
-    manifest.catalogs = held["paths"]
+    manifest.catalogs = [
+        PureWindowsPath(name).name for name in held["paths"]
+    ]  # also of paths of another machine
     deleted, records = held.get("deleted_indexes") or [], held.get("current_index")
     if _is_list(deleted, int):
         manifest.deleted = set(deleted)

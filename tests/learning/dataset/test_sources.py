@@ -170,6 +170,29 @@ def test_a_catalog_that_the_manifest_does_not_list_is_named_and_read_in_its_plac
     assert "catalog_1.catalog: is not in the manifest; read" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("folder", ["/home/pi/mycar/data/", "C:\\Users\\me\\mycar\\data\\", "data\\"])
+def test_paths_of_the_machine_of_the_drive_lead_to_the_files_of_their_names(
+    tmp_path: Path, folder: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tub = divided_tub(tmp_path / "tub")
+    before, _ = read(tub)
+    for file in (tub / "manifest.json", *tub.glob("*.catalog")):
+        named = json.dumps(folder)[1:-1]
+        text = file.read_text().replace('"catalog_', f'"{named}catalog_')
+        file.write_text(text.replace('"cam/image_array": "', f'"cam/image_array": "{named}'))
+    log, faults = read(tub)
+    assert (log.image, faults.count, capsys.readouterr().err) == (before.image, 0, "")
+
+
+def test_images_beside_the_catalogs_are_found(tmp_path: Path) -> None:
+    tub = write_tub(tmp_path / "tub", 5)
+    for image in (tub / "images").iterdir():
+        image.rename(tub / image.name)
+    (tub / "images").rmdir()
+    log, faults = read(tub)
+    assert faults.count == 0 and all((log.root / name).is_file() for name in log.image)
+
+
 def test_a_line_of_a_catalog_with_broken_bytes_costs_this_record_only(tmp_path: Path) -> None:
     tub = write_tub(tmp_path / "tub", 30)
     lines = (tub / "catalog_0.catalog").read_bytes().split(b"\n")

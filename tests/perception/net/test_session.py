@@ -96,6 +96,16 @@ def test_each_fault_of_a_file_has_its_own_line(tmp_path, fault):
     assert "\n" not in str(refused.value) and "onnxruntime_src" not in str(refused.value)
 
 
+def test_weights_that_git_lfs_has_not_brought_are_called_so(tmp_path):
+    path = write_table(tmp_path / "d.onnx", TABLE, data="weights.data")
+    (tmp_path / "weights.data").write_text(POINTER)
+    (tmp_path / "another.data").write_text(POINTER)
+    with pytest.raises(
+        InputError, match=r"/weights\.data: a Git LFS pointer, not the network: `git lfs pull`"
+    ):
+        open_session(path)
+
+
 def test_a_first_run_that_fails_or_is_not_finite_is_refused(tmp_path):
     path = write_table(tmp_path / "d.onnx", TABLE)
     session = open_session(path)

@@ -106,6 +106,12 @@ def test_a_missing_decoder_is_called_so_with_the_command_that_converts(tmp_path:
     )
 
 
+def test_pictures_that_a_known_decoder_cannot_read_are_called_damaged(tmp_path: Path) -> None:
+    path = matroska(tmp_path / "drive.mkv", IMAGES[:3], [0, 40, 80], codec="V_VP9")
+    with pytest.raises(InputError, match=r"drive\.mkv: VP9: damaged: no picture in it can be decoded"):
+        list(video_frames(path))
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [

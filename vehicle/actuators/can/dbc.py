@@ -39,6 +39,9 @@ _MARK = re.compile(
 _MESSAGE = re.compile(r"\s*BO_\s+(?P<id>\d+)\s+(?P<name>\w+)\s*:")
 _SIGNAL = re.compile(r"\s*SG_\s+(?P<name>\w+)\s*(?P<multiplex>m\d*M?|M)?\s*:\s*(?P<layout>[^\s(]*)")
 _MULTIPLEX = re.compile(r"(\A\s*SG_\s+\w+\s+)(?:m\d*M?|M)(?=\s*:)")
+# what stands before the nodes that send or get it
+_NODES = re.compile(r'(\A\s*(?:BO_\s+\d+\s+\w+\s*:\s*\d+|SG_[^"]*"[^"]*"))([^"]*)\Z')
+_NO_NODE = "Vector__XXX"
 _LAYOUT = re.compile(r"(?P<start>\d+)\|(?P<length>\d+)@(?P<order>[01])[+-]")
 _RANGES = re.compile(r"\s*SG_MUL_VAL_\s+(?P<id>\d+)\s+(?P<name>\w+)\s+\w+\s+(?P<ranges>[^;]*)")
 _OF_SIGNAL = re.compile(r"\s*(?:VAL_|SIG_VALTYPE_)\s+(?P<id>\d+)\s+(?P<name>\w+)")
@@ -60,6 +63,7 @@ _FRAME_ATTRIBUTES = {
 _SYNTAX = re.compile(r'Invalid syntax at line (\d+), column (\d+): "(.*)"', re.DOTALL)
 _NO_MESSAGE = "VECTOR__INDEPENDENT_SIG_MSG"  # holds the signals that are in no message
 _BYTE = 8
+_FLOAT_BITS = (16, 32, 64)
 _EXTENDED, _MOST_STANDARD = 1 << 31, 0x7FF
 
 
@@ -118,6 +122,8 @@ class Dbc:
             elif (found := _SIGNAL.match(text)) and newest is not None:
                 signal = _Signal(found["name"], number, found["multiplex"] or "", _bits(found["layout"]))
                 newest.signals.append(signal)
+            elif text.lstrip().startswith("BO_ "):
+                newest = None  # one that cannot be read: its signals belong to no message
             elif found := _RANGES.match(text):
                 self._ranges[int(found["id"]), found["name"]] = found["ranges"].strip()
             elif (found := _LONG.match(text)) and (named := _LONG_NAME.match(found["rest"])):
@@ -202,10 +208,22 @@ class Dbc:
                 raise InputError(f"{self._path}:{line}:{column}: {what}") from error
             what = str(error).removeprefix('DBC: "').removesuffix('"')
             raise self._wrong(message.statement, " ".join(what.split())) from error
-        return database.messages[0]
+        found = database.messages[0]
+        for signal in used:
+            self._check_number(signal, found.get_signal_by_name(self._name(message, signal)))
+        return found
 
     def _name(self, message: _Message, signal: _Signal) -> str:
         return self._long_signals.get((message.identifier, signal.name), signal.name)
+
+    def _check_number(self, signal: _Signal, read: Any) -> None:
+        """Raise InputError where no number can be had of a signal."""
+        if read.is_float and read.length not in _FLOAT_BITS:
+            what = f"signal {signal.name} is a float (SIG_VALTYPE_) of {read.length} bits: expected 32 or 64"
+            raise self._wrong(signal.statement, what)
+        if not read.scale:
+            what = f"signal {signal.name} has the factor 0, and so the same value for all bits"
+            raise self._wrong(signal.statement, f"{what}: expected another factor")
 
     def _is_alone(self, name: str, message: _Message, signal: _Signal) -> None:
         for other in message.signals:
@@ -232,7 +250,7 @@ class Dbc:
             if number not in own and not _is_about(text, message.identifier, names):
                 parts += [_blank(self._text[position:start]), _blank(text)]
             else:
-                plain = _MULTIPLEX.sub(r"\1", text) if number in own else text
+                plain = _plain(text) if number in own else text
                 parts += [_blank(self._text[position:start]), plain]
             position = end
         return "".join(parts)
@@ -268,6 +286,12 @@ def _is_about(statement: str, identifier: int, names: Set[str]) -> bool:
         return False
     of_this = found["id"] is None or int(found["id"]) == identifier
     return of_this and (found["name"] is None or found["name"] in names)
+
+
+def _plain(text: str) -> str:
+    """A ``BO_`` or ``SG_`` that is in every frame, without the nodes, which some files leave out or misspell."""
+    found = _NODES.match(_MULTIPLEX.sub(r"\1", text))
+    return f"{found[1]} {_NO_NODE}{_blank(found[2])}" if found else text
 
 
 def _blank(text: str) -> str:

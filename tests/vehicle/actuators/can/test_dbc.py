@@ -14,6 +14,7 @@ UNUSED = {
     "two signals overlap": 'BO_ 900 SEATS: 8 CAR\n SG_ FRONT : 0|8@1+ (1,0) [0|255] "" X\n'
     ' SG_ REAR : 4|8@1+ (1,0) [0|255] "" X\n',
     "a signal is longer than its message": 'BO_ 900 SEATS: 2 CAR\n SG_ FRONT : 12|8@1+ (1,0) [0|255] "" X\n',
+    "an identifier is hexadecimal": 'BO_ 0x384 SEATS: 8 CAR\n SG_ STEER_ANGLE : 0|8@1+ (1,0) [0|255] "" X\n',
     "an identifier lacks bit 31": 'BO_ 13274 SEATS: 8 CAR\n SG_ FRONT : 0|8@1+ (1,0) [0|255] "" X\n',
     "a signal's name begins with a digit": 'BO_ 900 SEATS: 8 CAR\n SG_ 2FRONT : 0|8@1+ (1,0) [0|255] "" X\n',
     "a message's name begins with a digit": 'BO_ 900 2SEATS: 8 CAR\n SG_ FRONT : 0|8@1+ (1,0) [0|255] "" X\n',
@@ -88,6 +89,16 @@ MAPPED = {
         "as an extended frame it is 2147496922",
     ),
     "syntax": ({"(0.244,-125)": "(0.244;-125)"}, "SG_ YAW_RATE", "message KINEMATICS: wrong syntax of a DBC"),
+    "float": (
+        {"VAL_ 36": "SIG_VALTYPE_ 36 YAW_RATE : 1;\nVAL_ 36"},
+        "SG_ YAW_RATE",
+        "signal YAW_RATE is a float (SIG_VALTYPE_) of 10 bits: expected 32 or 64",
+    ),
+    "factor": (
+        {"(0.244,-125)": "(0,-125)"},
+        "SG_ YAW_RATE",
+        "signal YAW_RATE has the factor 0, and so the same value for all bits",
+    ),
     "signal twice": (
         {
             "BO_ 36 KINEMATICS: 8 CAR\n": 'BO_ 36 KINEMATICS: 8 CAR\n SG_ YAW_RATE : 40|1@0+ (1,0) [0|1] "" X\n'
@@ -103,6 +114,20 @@ MAPPED = {
         "message KINEMATICS is there already in line",
     ),
 }
+
+
+@pytest.mark.parametrize(
+    ("written", "nodes"),
+    [
+        ('"deg/s" TREPID', '"deg/s"'),
+        ('"deg/s" TREPID', '"deg/s" A-1,  B'),
+        ("KINEMATICS: 8 CAR", "KINEMATICS: 8"),
+    ],
+)
+def test_a_mapped_message_is_read_whoever_sends_or_gets_it(tmp_path, written, nodes):
+    path = with_text(tmp_path, "", **{written: nodes})
+    yaw = can_rig.load_map(path, can_rig.VEHICLE).messages["KINEMATICS"].get_signal_by_name("YAW_RATE")
+    assert (yaw.start, yaw.length, yaw.scale, yaw.offset, yaw.unit) == (1, 10, 0.244, -125, "deg/s")
 
 
 @pytest.mark.parametrize("fault", MAPPED)
