@@ -130,6 +130,16 @@ def test_a_module_in_a_string_counts_where_it_is_the_whole_text_or_its_object_is
     assert list(named_modules(tree)) == ["drive.cli", "vehicle.actuators.table"]
 
 
+def test_the_tests_of_trepid_run_without_the_laboratory() -> None:
+    users = [
+        f"{path}: {name}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        for name in imported_names(ast.parse(path.read_text()), lazy=True)
+        if name.split(".")[0] == "lab"
+    ]
+    assert users == []
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_package_imports_only_what_the_data_flow_allows(package: str) -> None:
     wrong = [

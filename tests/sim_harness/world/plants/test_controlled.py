@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 from identification_rig import check_learned, check_recovered
 from message_rig import SHUTTLE, vehicle
 from plant_rig import command
+from s_road_rig import road, s_clothoid
 
 from controller.laws.lateral import LawName
 from controller.model.tyres import Turning, Tyres
-from lab.bench.control.episode import road_of as road
-from lab.bench.control.episode import s_clothoid
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.settings import Model, PlantSettings

@@ -8,9 +8,9 @@ from closed_loop_rig import drive as closed_loop
 from closed_loop_rig import generous, worst_m
 from message_rig import SHUTTLE
 from plant_rig import command, drive
+from s_road_rig import s_clothoid
 
 from controller.laws.lateral import LawName
-from lab.bench.control.episode import s_clothoid
 from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import Model, PlantSettings
