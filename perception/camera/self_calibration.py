@@ -78,24 +78,32 @@ class Horizon:
     A frame may show no road, or a bend. The score of a row is that of its best place in each frame, because the
     vehicle turns, and its mean over the frames is weighted by the length of their segments; old ones fade, because
     a load or a mount may change. The prior counts as one frame.
+
+    The search for segments costs more than the rest of the finder, and the mean hardly moves once it is that of
+    ``horizon_known`` frames: from then on only every ``horizon_every``-th frame counts.
     """
 
     def __init__(self, settings: SelfCalibrationSettings) -> None:
         self._settings = settings
-        self._rows = np.array([settings.horizon_share])  # shares of the image height
+        self._rows = np.empty(0)  # shares of the image height
         self._sum, self._length_px, self._frames = np.zeros(1), 0.0, 0.0
+        self._seen, self._found = 0, settings.horizon_share  # frames, and the horizon in them
 
     def update(self, image: NDArray[np.uint8]) -> float:
         """The horizon with ``image``, of the same size as those before, as a share of its height."""
-        if min(image.shape[:2]) >= MIN_IMAGE_PX:
-            votes, keep = Votes.of(image, self._settings), self._settings.horizon_keep
+        settings = self._settings
+        due = self._seen < settings.horizon_known or self._seen % settings.horizon_every == 0
+        self._seen += 1
+        if due and min(image.shape[:2]) >= MIN_IMAGE_PX:
+            votes, keep = Votes.of(image, settings), settings.horizon_keep
             self._rows = votes.y
             self._sum = keep * self._sum + votes.length_px * votes.score.max(axis=1)
             self._length_px = keep * self._length_px + votes.length_px
             self._frames = keep * self._frames + 1
-        prior = self._settings.prior_weight * _surprise(self._rows, self._settings)
-        score = self._sum / max(self._length_px, 1.0) - prior / max(self._frames, 1.0)
-        return float(self._rows[int(np.argmax(score))])
+            prior = settings.prior_weight * _surprise(self._rows, settings)
+            score = self._sum / max(self._length_px, 1.0) - prior / self._frames
+            self._found = float(self._rows[int(np.argmax(score))])
+        return self._found
 
 
 class Votes(NamedTuple):

@@ -19,6 +19,8 @@ class SelfCalibrationSettings(Settings):
     horizon_share: Share
     horizon_sigma: Positive
     horizon_keep: Share
+    horizon_known: Annotated[int, Field(ge=1)]
+    horizon_every: Annotated[int, Field(ge=1)]
     centre_sigma: Positive
     min_segment_px: Positive
     angle_sigma_rad: Positive

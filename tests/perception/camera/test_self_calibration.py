@@ -58,3 +58,13 @@ def test_without_any_frame_of_a_road_the_horizon_is_the_usual_one():
 def test_a_typical_camera_sees_the_horizon_at_the_given_row():
     camera = typical_camera(WIDTH_PX, HEIGHT_PX, 0.6, SETTINGS)
     assert camera.horizon_row_px / HEIGHT_PX == pytest.approx(0.6, abs=0.005)
+
+
+def test_after_the_first_frames_every_fifth_one_counts_and_the_others_keep_the_horizon():
+    horizon = Horizon(SETTINGS)
+    for _ in range(SETTINGS.horizon_known):
+        known = horizon.update(road(0.45))
+    found = [horizon.update(road(0.6)) for _ in range(40 * SETTINGS.horizon_every)]
+    moved = np.flatnonzero(np.diff([known, *found]))
+    assert found[-1] == pytest.approx(0.6, abs=0.02)
+    assert (moved % SETTINGS.horizon_every == 0).all()
