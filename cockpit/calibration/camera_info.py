@@ -137,6 +137,12 @@ def import_camera(path: Path, mounting: Camera) -> ImportedCamera:
         raise InputError(
             f"{path}: the focal length is {fx_px:g} x {fy_px:g} px: the camera is not calibrated"
         )
+    if not (0 <= cx_px <= message.width and 0 <= cy_px <= message.height):
+        size = f"{message.width} x {message.height} px"
+        raise InputError(
+            f"{path}: the principal point ({cx_px:g}, {cy_px:g}) px lies outside the image of {size}:"
+            " the matrix is of another size"
+        )
     if abs(skew) * message.height / fy_px > SKEW_PX:
         raise InputError(f"{path}: a skew of {skew:g} px: only cameras with upright pixels can be imported")
     name, needs, lens = _lens_model(message, path)

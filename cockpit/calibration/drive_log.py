@@ -16,7 +16,7 @@ Columns of a table (of each line the first that is present is used):
 
 import math
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
@@ -26,7 +26,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from trepid.config import InputError
-from trepid.recording.csv_file import Row, read_rows, refuse_rounded_times
+from trepid.recording.csv_file import Row, column_names, read_rows, refuse_rounded_times
 from trepid.recording.reader import read_recording
 from trepid.topics import COMMAND, VEHICLE_STATE
 from trepid.types import Column
@@ -154,7 +154,7 @@ def _from_table(path: Path, renamed: Mapping[str, str]) -> DriveLog:
     strange = [name for name in renamed if name not in NAMES]
     if strange:
         raise InputError(f"--column {strange[0]}: no such name; known: {', '.join(NAMES)}")
-    header, rows = _cells(path)
+    header, rows = _cells(path, {*NAMES} - {*renamed.values()})
     found: dict[str, Column] = {}
     at_steering_wheel = False
     for quantity, names in TABLE.items():
@@ -177,9 +177,9 @@ def _from_table(path: Path, renamed: Mapping[str, str]) -> DriveLog:
     )
 
 
-def _cells(path: Path) -> tuple[list[str], list[Row]]:
+def _cells(path: Path, known: Collection[str]) -> tuple[list[str], list[Row]]:
     header, *rows = read_rows(path)
-    return [name.strip() for name in header.cells], rows
+    return column_names(header, known), rows
 
 
 def _column(path: Path, header: list[str], rows: list[Row], name: str) -> Column:

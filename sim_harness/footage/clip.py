@@ -18,7 +18,7 @@ from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
 from trepid.loudness import note
-from trepid.recording.csv_file import read_rows, refuse_halved_numbers, refuse_rounded_times
+from trepid.recording.csv_file import column_names, read_rows, refuse_halved_numbers, refuse_rounded_times
 from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
 from trepid.topics import VEHICLE_STATE
@@ -157,7 +157,7 @@ def read_log(path: Path) -> tuple[Array, Array]:
     behavioural-cloning simulator, with the times in the names of its images.
     """
     rows = read_rows(path)
-    header = [name.strip() for name in rows[0].cells]
+    header = column_names(rows[0], ("t_s", "speed_mps"))
     if {"t_s", "speed_mps"} <= set(header):
         columns = header.index("t_s"), header.index("speed_mps")
         values = [_numbers(path, row.line, row.cells, columns) for row in rows[1:]]

@@ -31,7 +31,7 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.loudness import note
-from trepid.recording.csv_file import read_rows
+from trepid.recording.csv_file import column_names, read_rows
 from trepid.recording.interpolation import GAP_S, between
 from trepid.recording.notes import CRUISE
 from trepid.recording.notes import number as number_of
@@ -91,7 +91,7 @@ def _interpolate_log(t_s: Array, values: Array) -> Callable[[float], float]:
 def _yaw_rates(log: Path, count: int) -> list[float] | None:
     """The column yaw_rate_radps of ``log``, NaN where a cell is empty; None without it. Raises InputError."""
     rows = read_rows(log)
-    header = [name.strip() for name in rows[0].cells]
+    header = column_names(rows[0], (YAW,))
     if YAW not in header:
         return None
     column, found = header.index(YAW), []

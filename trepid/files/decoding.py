@@ -23,6 +23,10 @@ _NO_TEXT = (
     (b"PK\x03\x04", "is a ZIP archive, such as a workbook (.xlsx): save or unpack it as text"),
     (b"\x1f\x8b", "is packed by gzip: unpack it"),
     (b"%PDF", "is a PDF document: save it as text"),
+    *(
+        (start, "is a web page: download the file itself")
+        for start in (b"<!DOCTYPE html", b"<!doctype html", b"<html")
+    ),
 )
 """How files begin that stand where a text should, and what to say of them."""
 

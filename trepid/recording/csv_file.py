@@ -11,7 +11,7 @@ import csv
 import io
 import re
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,7 +55,7 @@ def read_rows(path: Path) -> list[Row]:
     stated = _STATED.fullmatch(first.strip())
     text = _without_comments(f"\n{rest}" if stated else text, stated[1] if stated else None)
     separator = stated[1] if stated else _separator(text)
-    reader = csv.reader(io.StringIO(text), delimiter=separator)
+    reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     rows: list[Row] = []
     before = 0
     try:
@@ -102,6 +102,14 @@ def _without_comments(text: str, separator: str | None) -> str:
     if header:
         lines[header[0]] = header[1]
     return "\n".join(lines)
+
+
+def column_names(header: Row, known: Collection[str]) -> list[str]:
+    """The names in ``header`` without blanks, and those of ``known`` in their own letters, not in capitals."""
+    names = [name.strip() for name in header.cells]
+    plain = {name.lower(): name for name in known}
+    own = [plain.get(name.lower(), name) for name in names]
+    return [name if found in names else found for name, found in zip(names, own, strict=True)]
 
 
 def refuse_halved_numbers(path: Path, rows: list[Row], columns: int) -> None:

@@ -18,7 +18,13 @@ import numpy as np
 
 from learning.dataset.sources.log import Faults, Log, SteeringUnit, number
 from trepid.config import InputError
-from trepid.recording.csv_file import Row, read_rows, refuse_halved_numbers, refuse_rounded_times
+from trepid.recording.csv_file import (
+    Row,
+    column_names,
+    read_rows,
+    refuse_halved_numbers,
+    refuse_rounded_times,
+)
 from trepid.spelling import did_you_mean
 from trepid.types import Column
 
@@ -73,7 +79,7 @@ def read_table(path: Path, faults: Faults, options: TableOptions) -> Log:
     if options.video is not None and not options.video.is_file():
         raise InputError(f"--video {options.video}: no such file")
     rows = read_rows(path)
-    header = [name.strip() for name in rows[0].cells]
+    header = column_names(rows[0], {*NAMES} - {*options.renamed.values()})
     if UDACITY_STAMP.search(header[0]):
         refuse_halved_numbers(path, rows, len(UDACITY))
     if _is_udacity(header) and not options.renamed:

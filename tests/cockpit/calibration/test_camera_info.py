@@ -173,6 +173,7 @@ def test_messages_of_ros_1_and_zeros_at_the_end_mean_the_same(tmp_path):
         ("plumb_bob", RATIONAL, K, "plumb_bob has 5 coefficients, got 8"),
         ("equidistant", (0.1,) * 5, K, "equidistant has 4 coefficients, got 5"),
         ("plumb_bob", PLUMB_BOB, np.zeros((3, 3)), "the focal length is 0 x 0 px: the camera is not calibrated"),
+        ("plumb_bob", PLUMB_BOB, np.diag([10.0, 10.0, 1.0]) @ K, "px lies outside the image of"),
         ("plumb_bob", PLUMB_BOB, K[:2], "camera_matrix: 3 rows of 3 numbers, but 6 numbers"),
         ("plumb_bob", PLUMB_BOB, K + 5 * np.eye(3, k=1), "a skew of 5 px"),
         ("equidistant", (-0.9, 0.0, 0.0, 0.0), 0.5 * K, "no lens of a camera file comes within 0.5 px of it"),

@@ -10,7 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trepid.config import InputError
-from trepid.recording.csv_file import read_rows, refuse_halved_numbers, refuse_rounded_times
+from trepid.recording.csv_file import (
+    Row,
+    column_names,
+    read_rows,
+    refuse_halved_numbers,
+    refuse_rounded_times,
+)
 
 HEADER = ["t_s", "image", "angle"]
 ROWS = [[f"{0.05 * n:.3f}", f"{n}.jpg", f"{math.sin(n):.4f}"] for n in range(30)]
@@ -45,6 +51,28 @@ def test_decimal_commas_change_no_number(tmp_path_factory, values: list[float], 
     lines = [f"{n:.4f}{separator}{value:.4f}" for n, value in enumerate(values)]
     path.write_text("\n".join([f"n{separator}v", *(line.replace(".", ",") for line in lines)]))
     assert [float(row[1]) for row in cells(path)[1:]] == [float(f"{value:.4f}") for value in values]
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["T_S,IMAGE,Angle", ' t_s , Image, "ANGLE" ', '"T_s", "image", "angle"', "\u00a0t_s,image,angle "],
+)
+def test_names_of_columns_count_in_any_case_with_blanks_and_quotes(tmp_path: Path, header: str) -> None:
+    path = written(tmp_path / "a.csv", ",")
+    path.write_text(path.read_text().replace(",".join(HEADER), header))
+    first, *rows = read_rows(path)
+    assert column_names(first, {"t_s", "image", "angle"}) == HEADER
+    assert [row.cells for row in rows] == ROWS
+
+
+def test_a_name_that_is_there_in_its_own_letters_is_not_taken_twice() -> None:
+    assert column_names(Row(1, ["T_S", "t_s", "Speed"]), {"t_s", "speed"}) == ["T_S", "t_s", "speed"]
+
+
+def test_a_web_page_is_no_table(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("<!DOCTYPE html>\n<html><body>404</body></html>")
+    with pytest.raises(InputError, match=r"a\.csv:1:1: is a web page: download the file itself"):
+        read_rows(tmp_path / "a.csv")
 
 
 def test_a_first_line_can_state_the_separator_and_lines_stay_counted(tmp_path: Path) -> None:
