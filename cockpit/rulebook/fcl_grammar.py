@@ -22,6 +22,7 @@ KEYWORDS = (
     *("BECAUSE", "CAUSE", "WITHOUT"),
 )
 """Words of FCL and of the OPTION block: the same in capitals and small letters."""
+_SPELLINGS = {"REAL": "L?REAL"}  # a number of 8 bytes is one of 4 here
 SIGNS = {
     "_ASSIGN": ":=",
     "_COLON": ":",
@@ -71,6 +72,7 @@ _DOTS: ".."
 LPAR: /\((?!\*)/
 RPAR: ")"
 %ignore /\s+/
+%ignore /\(\*(?:\(\*(?:(?!\*\))(?:.|\n))*\*\)|(?!\*\)|\(\*)(?:.|\n))*\*\)/
 %ignore /\(\*(.|\n)*?\*\)/
 %ignore /\/\*(.|\n)*?\*\//
 %ignore /\/\/[^\n]*/
@@ -160,5 +162,7 @@ def _expected_words(accepted: set[str], words: list[str]) -> str:
 @cache
 def _grammar() -> Lark:
     """The parser, made at the first use."""
-    words = [f"{'' if word in _KEPT else '_'}{word}.2: /{word}\\b/i" for word in KEYWORDS]
+    words = [
+        f"{'' if word in _KEPT else '_'}{word}.2: /{_SPELLINGS.get(word, word)}\\b/i" for word in KEYWORDS
+    ]
     return lalr("\n".join([GRAMMAR, *words]))

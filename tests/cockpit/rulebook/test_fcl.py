@@ -115,6 +115,9 @@ RULE = "IF a IS low AND NOT (b IS high) THEN fear IS medium WITH 0.5"
     [
         ("FUNCTION_BLOCK tipping", "/* a head\n * over lines **/ FUNCTION_BLOCK tipping"),
         ("VAR_INPUT a", "(* one *) VAR_INPUT /* two (* not nested */ a // three /* (* \n"),
+        ("VAR_INPUT a", "(* one (* in *) the (*other*)*) VAR_INPUT a"),
+        ("VAR_INPUT a", "(* one (* two *) VAR_INPUT (* three *) a"),
+        ("a : REAL; b : REAL;", "a : LREAL; b : lreal;"),
         (RULE, RULE.replace("a IS low", "a (* in *) IS /* a */ low // rule\n")),
         ("METHOD : COG;", "METHOD : COGS;"),
         ("METHOD : COG;", "method : cogs;"),
