@@ -199,7 +199,7 @@ class Monitor:
             elapsed_s=self._elapsed_time_s(),
             problems=self._problems,
             notes=[*self._notes, *filter(None, [remark])],
-            end=self._end or "; ".join(self._problems),
+            end=self._end or next(iter(self._problems), ""),
         )
         self._overview.close(closing_words(row), failed=bool(self._problems))
         return row
