@@ -7,7 +7,15 @@ For each frame:
    (:mod:`.frame_search`, :mod:`.detection`).
 3. **Choose** one of them, or none if the predicted lane is better (:mod:`.choice`).
 4. **Update** the memory with the chosen lane; without one the lane coasts and its confidence fades.
-5. **Report** the lane, with the probability that it is right as confidence (:mod:`.rating`).
+5. **Report** the lane, with the probability that it is right as confidence (:mod:`.rating`). Two things limit it
+   where the finder is ``guarded``:
+
+- *Both lanes of a road.* A lane twice as wide as the narrowest one may be two. The probability is then multiplied
+  by that of a lane without a line inside and, between road edges, by that of a road of one lane
+  (:func:`.model.lane_in_road.one_lane_probability`). This needs widths in metres, and so a known height of the
+  camera; for others :mod:`.unknown_camera` weighs both.
+- *A boundary that no pixel shows.* With one boundary the other is placed at the usual width. Until both were seen,
+  or road ends at that place, half of the lane is a guess, and the confidence is at most one half.
 """
 
 from copy import copy
@@ -16,8 +24,10 @@ from perception.lane.camera_check import CameraCheck
 from perception.lane.choice import LaneChoice
 from perception.lane.estimate import NAME, lane_estimate
 from perception.lane.frame_search import FrameSearch
-from perception.lane.memory import LaneMemory
-from perception.lane.model.geometry import LaneState
+from perception.lane.memory import LINES, LaneMemory
+from perception.lane.model.evidence import LaneFit
+from perception.lane.model.geometry import WIDTH, LaneState
+from perception.lane.model.lane_in_road import one_lane_probability
 from perception.lane.model.prediction import VehicleMotion
 from perception.lane.rating import Features, Rating
 from perception.lane.settings import LaneCvSettings
@@ -26,11 +36,17 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 
+ONE_OF_TWO = 0.5  # of a lane, where pixels show one boundary
+
 
 class LaneCv:
     """Estimator "cv". Its state is the remembered lane."""
 
-    def __init__(self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle) -> None:
+    def __init__(
+        self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle, *, guarded: bool = False
+    ) -> None:
+        """``guarded``: whether a lane that may be two, or a boundary that no pixel shows, limits the confidence."""
+        self._guarded = guarded
         self._settings, self._vehicle = settings, vehicle
         self._camera, self._view = camera, make_view(settings, camera)
         self._rating = Rating(settings)
@@ -68,8 +84,11 @@ class LaneCv:
         if found is not None:
             self._camera_check.step(found.fit, motion, dt_s=frame.t_s - memory.seen_t_s)
             lane = memory.update(found, frame.t_s)
-            memory.probability = self._probability(lane)
             self._shown = search, lane
+            if self._guarded:
+                memory.one_lane = self._one_lane(lane)
+                memory.most = self._most_by_pixels(found.fit, search, lane)
+            memory.probability = self._probability(lane)
             seen, reason = found.fit.boundaries_seen, self._camera_check.reason
         elif memory.lane is not None:
             lane = memory.coast()
@@ -96,8 +115,30 @@ class LaneCv:
 
     def _probability(self, lane: LaneState) -> float:
         """The probability that the remembered lane, reported as ``lane``, is right."""
-        self.features = self._rating.features(self._memory.factors, lane, looks=self._memory.looks)
-        return self._rating.probability(self.features)
+        memory = self._memory
+        self.features = self._rating.features(memory.factors, lane, looks=memory.looks)
+        return min(memory.one_lane * self._rating.probability(self.features), memory.most)
+
+    def _one_lane(self, lane: LaneState) -> float:
+        """Probability that the detected ``lane`` is not both lanes of a road; 1 where two would not fit into it."""
+        settings, width_m = self._settings, float(lane.mean[WIDTH])
+        if width_m < 2 * settings.evidence.min_width_m:
+            return 1.0
+        undivided = max(0.0, 1.0 - self.line_within / settings.unknown_camera.divided_excess)
+        if self._memory.source == LINES:
+            return undivided
+        return undivided * one_lane_probability(
+            width_m, lane.clothoid.offset_m, settings.prior, settings.evidence
+        )
+
+    def _most_by_pixels(self, fit: LaneFit, search: FrameSearch, lane: LaneState) -> float:
+        """The most confidence that pixels of this frame or of those before give to both boundaries."""
+        memory = self._memory
+        memory.width_seen = memory.width_seen or fit.boundaries_seen == 2
+        if memory.width_seen:
+            return 1.0
+        edges = search.edges_at(lane)
+        return 1.0 if (edges.right if fit.left.seen else edges.left).seen else ONE_OF_TWO
 
     def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:
         self.features = None

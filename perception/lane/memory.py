@@ -23,6 +23,9 @@ class LaneMemory:
         self.looks = 0  # detections in a row, at most sure_looks
         self.factors = NO_FACTORS  # of the last detection
         self.probability = 0.0  # of the last detection
+        self.one_lane = 1.0  # ..., that it is not both lanes of a road
+        self.most = 1.0  # ..., the most confidence that pixels give to it
+        self.width_seen = False  # whether both boundaries of the remembered lane were detected together
         self.source = LINES  # the boundaries that define the place and width of the lane
         self.by_edges = False  # whether the last detection was of edges
         self.rival: LaneState | None = None  # a shape elsewhere with the most votes, not yet fitted
@@ -44,6 +47,7 @@ class LaneMemory:
         share = min(1.0, self.probability / self._settings.good_probability)
         if dt_s < 0 or t_s - self.seen_t_s > max(share * track.max_coast_s, MIN_UNSEEN_S):
             self.lane, self.rival, self.looks, self.neighbour = None, None, 0, 0
+            self.width_seen = False
             return
         way_m = travelled_distance_m(motion, dt_s, track)
         self._unmarked_m, self._unseen_m = self._unmarked_m + way_m, self._unseen_m + way_m

@@ -79,5 +79,6 @@ def segmenter_of(settings: SegmentSettings) -> Segmenter:
 def build(camera: Camera, vehicle: Vehicle, lane_cv: LaneCvSettings) -> Segments:
     """The estimator for ``camera``. Raises InputError."""
     own = segment_settings()
-    finder = LaneCv(lane_cv.model_copy(update={"confidence": own.confidence}), camera, vehicle)
+    settings = lane_cv.model_copy(update={"confidence": own.confidence})
+    finder = LaneCv(settings, camera, vehicle, guarded=True)
     return Segments(segmenter_of(own), finder, lookahead_m=lane_cv.steering.lookahead_m)

@@ -105,6 +105,38 @@ def test_the_lane_of_an_unmarked_road_is_measured_by_its_edges(lane):
     assert seen.marked is False
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_with_one_boundary_ever_seen_the_confidence_is_at_most_one_half(side):
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE, guarded=True)
+    for number in range(20):
+        image = road((0.0, 0.0, 0.0, 0.0), **{side: None}, verge_m=3.0, seed=number)
+        seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+        assert seen.lanes_detected == 1 and seen.confidence <= 0.5
+
+
+def test_an_edge_of_the_road_at_the_usual_width_is_as_good_as_the_second_line():
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE, guarded=True)
+    for number in range(20):
+        image = road((0.0, 0.0, 0.0, 0.0), right=None, verge_m=0.0, seed=number)
+        seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+    assert seen.confidence > 0.5
+
+
+@pytest.mark.parametrize("offset_m", [-1.6, -1.2])
+def test_the_guard_makes_both_lanes_of_an_unmarked_road_improbable(offset_m):
+    confidence = {}
+    for guarded in (True, False):
+        finder = LaneCv(SETTINGS, CAMERA, VEHICLE, guarded=guarded)
+        for number in range(12):
+            image = road(
+                (offset_m, 0.0, 0.0, 0.0), width_m=6.4, left=None, right=None, verge_m=0.0, seed=number
+            )
+            seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+        assert seen.lane_width_m == pytest.approx(6.4, abs=0.2)
+        confidence[guarded] = seen.confidence
+    assert confidence[True] < confidence[False] / 10
+
+
 def test_a_lost_lane_is_kept_with_falling_confidence_and_then_dropped():
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
     state = VehicleState(
