@@ -19,9 +19,10 @@ from sim_harness.scenarios.sampling import Method, fresh_seed
 from sim_harness.sweep.plan import Plan, by_sampling, plan, select
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.settings import Costs, Span, TuneSettings, parse_vary
-from trepid.config import CONFIG_DIR, INTERRUPTED, InputError, load, parse_overrides
+from trepid.config import CONFIG_DIR, INTERRUPTED, InputError, load, parse_overrides, refuse
 from trepid.loudness import note
 from trepid.options import Car, Changes
+from trepid.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from sim_harness.tuning.score import Score
@@ -61,6 +62,10 @@ def tune(
     unseen_seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of the cases to evaluate on; default: random, printed.")
     ] = None,
+    sampler: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="What proposes: tpe, random, bat, bat-harmony, pso, de, ga."),
+    ] = "tpe",
     settings: Annotated[Path, typer.Option(help="Parameters to tune and costs.")] = SETTINGS,
     out: Annotated[
         Path | None, typer.Option(metavar="NEW.yaml", help="The new rule file; default: FILE with _tuned.")
@@ -75,6 +80,7 @@ def tune(
     """
     if find_spec("optuna") is None:
         raise InputError("trepid fear tune needs Optuna: pip install 'trepid[tune]'")
+    check_sampler(sampler)
     given = load(settings, TuneSettings)
     target = out or file.with_name(f"{file.stem}_tuned.yaml")
     check_target(target)
@@ -91,11 +97,18 @@ def tune(
         )
     trial_storage = storage or str(target.with_suffix(".journal"))
     try:
-        task = _task(file, parameters, seen, given.costs, trial_storage, trials, seed, workers)
+        task = _task(file, parameters, seen, given.costs, trial_storage, trials, seed, workers, sampler)
         return _tune(task, target, judged, fresh, workers, as_json=as_json)
     except KeyboardInterrupt:
         say("interrupted: finished trials are stored; the same command continues")
         return INTERRUPTED
+
+
+def check_sampler(name: str) -> None:
+    """Raise InputError unless ``name`` is a sampler."""
+    from sim_harness.tuning.study import SAMPLERS
+
+    refuse(f"--sampler {name}: {did_you_mean(name, SAMPLERS)}", name not in SAMPLERS)
 
 
 def check_target(target: Path) -> None:
@@ -137,6 +150,7 @@ def _task(
     trials: int,
     seed: int,
     workers: int,
+    sampler: str,
 ) -> "StudyTask":
     """The task of the search, after the drives without fear to which it compares."""
     from sim_harness.tuning.score import references
@@ -152,6 +166,7 @@ def _task(
         storage=storage,
         trials=trials,
         seed=seed,
+        sampler=sampler,
     )
 
 

@@ -1,8 +1,9 @@
 """The search: worker processes that evaluate candidates on one shared storage.
 
-Optuna's tree-structured Parzen estimator proposes candidates. Each worker requests, checks, drives and reports its
-own candidates, so that several sessions, also on other machines, can share a study. A candidate that fails the
-check of a rule file is not driven. A killed worker loses one candidate.
+A sampler of Optuna, or of :mod:`sim_harness.tuning.populations`, proposes candidates; by default the
+tree-structured Parzen estimator. Each worker requests, checks, drives and reports its own candidates, so that
+several sessions, also on other machines, can share a study. A candidate that fails the check of a rule file is
+not driven. A killed worker loses one candidate.
 
 Watanabe, Tree-structured Parzen estimator: understanding its algorithm components and their roles for better
 empirical performance (2023).
@@ -12,15 +13,16 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import MappingProxyType
 
 import numpy as np
 import optuna
-from optuna.samplers import TPESampler
+from optuna.samplers import BaseSampler, RandomSampler, TPESampler
 from optuna.storages import BaseStorage, JournalStorage, RDBStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
@@ -28,6 +30,13 @@ from optuna.trial import FrozenTrial, TrialState
 from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.pool import start
 from sim_harness.tuning.numbers import NumberedText
+from sim_harness.tuning.populations import (
+    BatSampler,
+    DifferentialSampler,
+    GeneticSampler,
+    HarmonyBatSampler,
+    SwarmSampler,
+)
 from sim_harness.tuning.score import Fearless, RunCrashed, score
 from sim_harness.tuning.settings import Costs, Span
 from supervisor.rules.inference import FearRules
@@ -40,6 +49,18 @@ MOST_INVALID = 50  # candidates in a row before a worker gives up
 SCORE, INVALID, SESSION, START = "score", "invalid", "session", "start"  # user attributes of a trial
 Tell = Callable[[list[FrozenTrial]], None]
 """Called with all trials so far whenever one has finished."""
+SAMPLERS: Mapping[str, Callable[[int], BaseSampler]] = MappingProxyType(
+    {
+        "tpe": lambda seed: TPESampler(seed=seed, multivariate=True, constant_liar=True),
+        "random": lambda seed: RandomSampler(seed=seed),
+        "bat": lambda seed: BatSampler(seed=seed),
+        "bat-harmony": lambda seed: HarmonyBatSampler(seed=seed),
+        "pso": lambda seed: SwarmSampler(seed=seed),
+        "de": lambda seed: DifferentialSampler(seed=seed),
+        "ga": lambda seed: GeneticSampler(seed=seed),
+    }
+)
+"""Name of `--sampler` -> the sampler for a seed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +75,7 @@ class StudyTask:
     storage: str
     trials: int  # complete ones in the study, of all sessions
     seed: int
+    sampler: str  # a name of SAMPLERS
 
     @property
     def name(self) -> str:
@@ -155,7 +177,7 @@ def _work(task: StudyTask, number: int, session: str) -> None:
     study = optuna.load_study(study_name=task.name, storage=open_storage(task.storage))
     begun = len(study.get_trials(deepcopy=False))  # a continued study needs other random numbers
     seed = int(np.random.SeedSequence((task.seed, number, begun)).generate_state(1)[0])
-    study.sampler = TPESampler(seed=seed, multivariate=True, constant_liar=True)
+    study.sampler = SAMPLERS[task.sampler](seed)
     invalid = 0
     with TemporaryDirectory() as folder:
         while invalid < MOST_INVALID and _is_trial_wanted(study, task, session):

@@ -256,6 +256,7 @@ def test_an_invalid_candidate_is_refused_without_being_driven(tmp_path: Path) ->
         storage="unused",
         trials=1,
         seed=0,
+        sampler="tpe",
     )
     with pytest.raises(Invalid, match="separation"):
         candidate(task, {CORNER: 0.9}, tmp_path)  # beyond its neighbours
