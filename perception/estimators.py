@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from perception.lane.which_lane import WhichLane
 
 NETWORK_SUFFIX = ".onnx"
+_PIPELINE = ("perception.techniques.pipeline", "perception.techniques.recipe")
 NAME = r"[A-Za-z][\w-]*"  # of a driving network, and so of topics
 
 
@@ -74,6 +76,11 @@ class Entry:
     # for a self-calibrated camera; None: `construct` takes it as if it were known
     construct_assumed: "Callable[[Camera, Vehicle, WhichLane], Estimator] | None" = None
     is_here: Callable[[], bool] = lambda: True  # whether the files that it needs are on this machine
+    # on which its estimates depend, for results that are kept: modules with all that they import, files and
+    # folders of the repository, and anything else, as text
+    modules: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    version: Callable[[], str] = lambda: ""
 
     def build(
         self,
@@ -189,12 +196,21 @@ def _has_segments() -> bool:
         return False
 
 
+def _segments_version() -> str:
+    """The hash of the fetched network. Raises InputError."""
+    from perception.segments.settings import network_file, segment_settings
+
+    return sha256(network_file(segment_settings()).read_bytes()).hexdigest()
+
+
 ESTIMATORS = {
     "cv": Entry(
         "lane lines or road edges, robust clothoid fit, Kalman tracking",
         _lane_cv,
         source="Trepid; config/perception.yaml",
         construct_assumed=_lane_cv_assumed,
+        modules=("perception.lane.lane_cv",),
+        files=("config/perception.yaml",),
     ),
     "cnn": Entry(
         "PilotNet-sized network from pixels to lane state with its own uncertainty",
@@ -202,6 +218,8 @@ ESTIMATORS = {
         source="R [87] and later; config/steer_net.yaml",
         misfit=_steer_net_misfit,
         construct_assumed=_steer_net_assumed,
+        modules=("perception.net.steer_net",),
+        files=("config/steer_net.yaml", "config/perception.yaml", "perception/weights"),
     ),
 }
 """The estimators of the default drive; :func:`estimators` adds those that a car may choose, and the pipelines."""
@@ -213,6 +231,9 @@ FURTHER = {
         source="config/segments.yaml, docs/segments.md",
         construct_assumed=_segments_assumed,
         is_here=_has_segments,
+        modules=("perception.segments.estimator",),
+        files=("config/perception.yaml", "config/segments.yaml", "config/networks"),
+        version=_segments_version,
     ),
 }
 """Estimators that need a file which Trepid does not ship."""
@@ -234,6 +255,9 @@ def estimators() -> dict[str, Entry]:
             source=recipe.source,
             kind=recipe.kind,
             stages=tuple(stage.name for stage in recipe.stages),
+            modules=(*_PIPELINE, *(stage.entry.__module__ for stage in recipe.stages)),
+            files=("config/perception.yaml",),
+            version=recipe.version,
         )
         for name, recipe in recipes().items()
     }
@@ -254,6 +278,7 @@ def _of_other_packages() -> dict[str, Entry]:
             f"added by the package {point.dist.name if point.dist else '?'}",
             partial(_build_added, name),
             source=point.value,
+            version=partial(str, f"{point.value} {point.dist.version if point.dist else '?'}"),
         )
         for name, point in plugins.added_entry_points(plugins.Group.ESTIMATORS).items()
     }
@@ -299,6 +324,9 @@ def network_entry(name: str, file: Path) -> Entry:
         lambda _, vehicle: DrivingEstimator(name, network, vehicle),
         source=str(file),
         kind=EstimateKind.ANGLE,
+        modules=("perception.net.driver",),
+        files=("config/perception.yaml",),
+        version=lambda: sha256(file.read_bytes()).hexdigest(),
     )
 
 

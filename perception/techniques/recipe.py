@@ -71,6 +71,11 @@ class PipelineRecipe:
         """The kind of its estimates."""
         return EstimateKind.ANGLE if self.of("rule") else EstimateKind.LANE
 
+    def version(self) -> str:
+        """Its numbers and the settings of its stages, as text."""
+        settings = [(stage.name, sorted(stage.settings.items())) for stage in self.stages]
+        return repr((self.trust, self.width_m, self.width_sigma_m, self.inside_m, settings))
+
     def of(self, *kinds: str) -> tuple[Stage, ...]:
         """Its stages of ``kinds``, in order."""
         return tuple(stage for stage in self.stages if stage.kind in kinds)

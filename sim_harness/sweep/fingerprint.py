@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
+from perception.estimators import entry_of
 from trepid.config import CONFIG_DIR, ROOT, car_folder
 from trepid.packages import PACKAGES
 
@@ -15,19 +16,7 @@ LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "onnxruntime", "scikit-
 SUFFIXES = (".py", ".yaml", ".yml", ".onnx", ".json")
 _DIGITS = 16
 
-PIPELINE = ("perception.techniques.pipeline", "perception.techniques.recipe")
 TABLE = "perception.techniques.stages"  # imports every stage, of which a pipeline uses a few
-OWN_ESTIMATORS = {
-    "cv": ("perception.lane.lane_cv", ("config/perception.yaml",)),
-    "cnn": (
-        "perception.net.steer_net",
-        ("config/steer_net.yaml", "config/perception.yaml", "perception/weights"),
-    ),
-    "segments": (
-        "perception.segments.estimator",
-        ("config/perception.yaml", "config/segments.yaml", "config/networks"),
-    ),
-}
 
 
 def fingerprint(*parts: str) -> str:
@@ -75,26 +64,10 @@ def _top(part: str) -> Path:
 
 
 def estimator_fingerprint(name: str) -> str:
-    """A hash over the code, the settings and the libraries that the estimator called ``name`` uses."""
-    from perception.techniques.recipe import recipes
-
-    if name in OWN_ESTIMATORS:
-        root, files = OWN_ESTIMATORS[name]
-        own = fingerprint(*import_closure([root]), *files, "config/vehicle.yaml")
-        return f"{own}-{_network_hash()}" if name == "segments" else own
-    recipe = recipes()[name]
-    modules = [*PIPELINE, *(stage.entry.__module__ for stage in recipe.stages)]
-    settings = [(stage.name, sorted(stage.settings.items())) for stage in recipe.stages]
-    text = repr((recipe.trust, recipe.width_m, recipe.width_sigma_m, recipe.inside_m, settings))
-    settings_hash = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
-    return f"{fingerprint(*import_closure(modules), 'config/vehicle.yaml')}-{settings_hash}"
-
-
-def _network_hash() -> str:
-    """That of the network of the estimator `segments`, which lies outside the repository. Raises InputError."""
-    from perception.segments.settings import network_file, segment_settings
-
-    return hashlib.sha256(network_file(segment_settings()).read_bytes()).hexdigest()[:_DIGITS]
+    """A hash over what the entry of the estimator ``name`` says that it depends on. Raises InputError."""
+    entry = entry_of(name)
+    version = hashlib.sha256(entry.version().encode()).hexdigest()[:_DIGITS]
+    return f"{fingerprint(*import_closure(entry.modules), *entry.files, 'config/vehicle.yaml')}-{version}"
 
 
 def import_closure(modules: Iterable[str]) -> list[str]:

@@ -16,6 +16,7 @@ from lab.bench.perception.report import write
 from lab.bench.perception.scores import figures, gap_figures, groups, one_line_figures
 from lab.bench.perception.store import ClipStore, StoredFrames
 from lab.bench.perception.watch import LOOK, TRUTH, WatchedClip, _TrueRoad, aim, look
+from perception.estimators import estimators
 from sim_harness.sweep.fingerprint import estimator_fingerprint, hash_of_files, import_closure
 from sim_harness.sweep.store import Store
 from sim_harness.world.roads.disturbances import DisturbanceKind
@@ -279,6 +280,11 @@ def test_the_code_of_an_estimator_is_the_set_of_its_imports() -> None:
     assert len(set(codes)) == 3
     hash_of_files.cache_clear()  # as in a new process
     assert codes[0] == estimator_fingerprint("canny_hough")
+
+
+def test_every_estimator_says_on_what_its_estimates_depend() -> None:
+    silent = {name for name, entry in estimators().items() if not entry.modules and not entry.version()}
+    assert silent == set()
 
 
 def test_reports_are_written_as_json_csv_and_markdown(tmp_path: Path) -> None:
