@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from controller.limiter import OWN_STOPS
 from drive.course import Judge
 from drive.reason import own_stop, reason
 from drive.tally import Tally
 from trepid.bus import Bus, Stream
+from trepid.causes import OWN_STOPS
 from trepid.clock import Clock
 from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, Timing, VehicleState
 from trepid.processes.process import MALFORMED, READY, Values

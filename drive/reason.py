@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-from controller.limiter import OWN_STOPS
-from trepid.causes import Cause, in_words, unseen
+from trepid.causes import OWN_STOPS, Cause, in_words, unseen
 from trepid.messages import Command, Decision, Diagnostic, Limit, Mode, Stop
 from vehicle.driver.stop_button import STOPPED
 

@@ -143,3 +143,9 @@ def unknown_cause(name: str, known: Collection[str] = CAUSES) -> str:
 def known_causes(declared: Iterable[str] = ()) -> frozenset[str]:
     """The vocabulary where a rule file that declares the causes ``declared`` is used."""
     return CAUSES.union(declared)
+
+
+NO_COMMAND = "no command arrives: the vehicle stops by itself, and waits for commands at standstill"
+NO_SPEED = "no speed is measured: the vehicle stops by itself, and waits for a measured speed"
+OWN_STOPS = NO_COMMAND, NO_SPEED
+"""What the vehicle process says while the limiter stops the car of its own accord."""

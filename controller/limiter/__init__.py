@@ -4,7 +4,7 @@ It runs in the vehicle process, checks every input, and shares no code with the 
 written a second time here, so that one mistake is never in both. It imports only ``trepid``.
 """
 
-from controller.limiter.limiter import NO_COMMAND, NO_SPEED, OWN_STOPS, Limiter, build
+from controller.limiter.limiter import Limiter, build
 from controller.limiter.limits import Limits
 
-__all__ = ["NO_COMMAND", "NO_SPEED", "OWN_STOPS", "Limiter", "Limits", "build"]
+__all__ = ["Limiter", "Limits", "build"]

@@ -44,6 +44,7 @@ from controller.limiter.override import DriverWatch
 from controller.limiter.saturation import SaturationWatch
 from controller.limiter.turn import Excess, SteadyTurn
 from trepid.car.vehicle import Vehicle
+from trepid.causes import NO_COMMAND, NO_SPEED
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, VehicleState
 
@@ -65,10 +66,6 @@ class Wheel(NamedTuple):
     speed_mps: float
 
 
-NO_COMMAND = "no command arrives: the vehicle stops by itself, and waits for commands at standstill"
-NO_SPEED = "no speed is measured: the vehicle stops by itself, and waits for a measured speed"
-OWN_STOPS = NO_COMMAND, NO_SPEED
-"""What the vehicle process says while the limiter stops the car of its own accord."""
 UNSEEN = Wheel(0.0, 0.0)  # the output before the first measured wheel angle
 
 

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from message_rig import decision
 
-from controller.limiter import NO_COMMAND
 from drive.evaluation import closing_words, evaluate
 from drive.log import DriveLog
 from drive.open_road import OpenRoad
 from trepid.bus import free_endpoint, open_bus
+from trepid.causes import NO_COMMAND
 from trepid.messages import Diagnostic, Health, VehicleState
 from trepid.topics import DECISION, DIAGNOSTICS, VEHICLE_STATE
 from vehicle.driver.stop_button import STOPPED

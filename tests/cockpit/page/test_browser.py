@@ -15,9 +15,9 @@ from live_page_rig import RING, STATIC, LivePage, Publisher, Scene, chromium, ru
 from message_rig import decision
 from process_rig import until
 
-from controller.limiter import NO_COMMAND
 from sim_harness.lockstep.closed_loop import Instant, run
 from sim_harness.scenarios.scenario import load_scenario
+from trepid.causes import NO_COMMAND
 from trepid.config import ROOT
 from trepid.images.jpeg import encode_jpeg
 from trepid.messages import Limit, Mode, Stop

@@ -19,10 +19,10 @@ from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px, peo
 from cockpit.page.server import LONGEST_REASON, closing_reason
 from cockpit.page.stop import RELEASE_S, REPEAT_S, UNDELIVERED_S, StopSender
 from cockpit.page.view import LATE_BEAT_S, PageView
-from controller.limiter import OWN_STOPS
 from drive.reason import DRIVER, NO_DECISION
 from trepid.bus import Bus
 from trepid.car.camera import Camera
+from trepid.causes import OWN_STOPS
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Diagnostic, Health, LeadVehicle, RoadUsers, StopRequest, Timing
 from trepid.processes.register import END, PROBLEMS

@@ -6,8 +6,8 @@ import pytest
 from limiter_rig import AT_ONCE, DT_S, EXACT, limiter, seen, state
 from message_rig import SHUTTLE, command, vehicle
 
-from controller.limiter import NO_COMMAND, NO_SPEED
 from controller.limiter.turn import Excess, SteadyTurn
+from trepid.causes import NO_COMMAND, NO_SPEED
 
 TURN = SteadyTurn(SHUTTLE)
 QUICK = vehicle(max_road_wheel_rate_radps=1e6)  # the wheel goes anywhere at once, ...
