@@ -219,7 +219,7 @@ class _Memory:
 
     Its errors are those of the road and of the air in view, which neighbouring frames share: the mean over frames
     takes out the noise, but the standard deviation stays that of a frame. What ended a shorter sight stays its
-    cause until the distance has grown to what a frame without any end shows.
+    cause until the distance has grown to what a frame shows.
     """
 
     def __init__(self, settings: SightSettings) -> None:
@@ -241,7 +241,7 @@ class _Memory:
             gain = 1.0 - math.exp(-dt_s / settings.memory_s)
             self._log_m += min(gain * (log_m - self._log_m), settings.growth_1ps * dt_s)
             self._sigma += gain * (sigma - self._sigma)
-            if seen.cause or self._log_m >= log_m - CHANCE * sigma:
+            if self._log_m >= log_m - CHANCE * sigma:
                 self._cause = seen.cause
         self._t_s = t_s
         distance_m = min(math.exp(self._log_m), settings.reach_m)

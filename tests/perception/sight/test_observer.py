@@ -188,6 +188,17 @@ def test_what_ended_the_sight_stays_its_cause_until_the_sight_has_grown() -> Non
     assert causes[-1] == ("", pytest.approx(SETTINGS.reach_m))
 
 
+def test_fog_far_away_does_not_take_over_a_sight_that_darkness_made_short() -> None:
+    observer, black, fog = SightObserver(SETTINGS, CAMERA), np.zeros_like(misty(150.0)), misty(150.0)
+    sights = [
+        observer.step(Frame(t_s=0.04 * number, image=black if number < 10 else fog), None)
+        for number in range(250)
+    ]
+    causes = [(sight.cause, sight.distance_m) for sight in sights if sight is not None]
+    assert all(cause == Cause.DARK for cause, distance_m in causes if distance_m < 75.0)
+    assert causes[-1][0] == Cause.FOG
+
+
 def test_after_a_silence_the_next_sight_starts_anew() -> None:
     observer = SightObserver(SETTINGS, CAMERA)
     observer.step(Frame(t_s=0.0, image=misty(40.0)), None)
