@@ -32,7 +32,7 @@ class LateralSettings(Settings):
     law: LawName
     command_delay_s: NonNegative  # from the controller to the actuator, mean hold of the command included
     # Largest learned change of the delay, as a share of dead time plus lag; 0: none.
-    timing_share: Annotated[float, Field(ge=0, lt=1)]
+    timing_share: Annotated[float, Field(ge=0, le=1)]
     feedforward: FeedforwardSettings
     lqi: LqiSettings
     mpc: MpcSettings

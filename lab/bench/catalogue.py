@@ -124,6 +124,11 @@ BENCHMARKS = {
         "rank correlation of the laws between plants",
         values="root mean square of the distance from the lane centre [m]",
     ),
+    "control-robustness": Benchmark(
+        "control.robustness",
+        "every law on cars with undeclared dead time, lag, gain and noise: tracking error, departures",
+        values="largest root mean square of the distance from the lane centre [m]",
+    ),
     "control-limits": Benchmark("control.limits", "random drives to the limits of ISO 11270 and R79"),
     "control-random": Benchmark("control.lateral", "1000 cars that differ from their file"),
     "fear-inference": Benchmark("fear.inference", "time of an inference, relative to scikit-fuzzy"),

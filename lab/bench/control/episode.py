@@ -4,7 +4,7 @@ There is no rendering, no supervisor and no limiter: every frame gives the true 
 delayed, and with noise if set. So the results are those of the law alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, NamedTuple, Protocol
@@ -14,7 +14,8 @@ import numpy as np
 from controller.controller import Controller, ControllerSettings
 from perception.lane.settings import steering_settings
 from sim_harness.lockstep.oracle import LOOKAHEAD_S
-from sim_harness.world.plants.build import build_plant
+from sim_harness.world.plants.build import build_plant, real_vehicle
+from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.bounds import at_least
@@ -45,6 +46,7 @@ class Episode:
     duration_s: float
     nominal: Vehicle
     plant: PlantSettings = field(default_factory=PlantSettings)
+    make_plant: Callable[[Vehicle, PlantSettings], Plant] | None = None  # instead of the model of ``plant``
     frame_every: int = FRAME_EVERY  # ticks
     control_every: int = CONTROL_EVERY
     latency_s: float = LATENCY_S
@@ -119,7 +121,7 @@ def drive(episode: Episode, settings: ControllerSettings) -> Track:
 
 def drive_by(steering: Steering, episode: Episode) -> Track:
     """Drive ``episode`` at its speed by ``steering``. Ends early where the lane is lost."""
-    plant = build_plant(episode.plant, episode.nominal)
+    plant = _plant_of(episode)
     sight = _Sight(episode)
     road, car = episode.road, plant.initial(y_m=episode.start_m, speed_mps=episode.speed_mps)
     station_m, command, offsets_m = 0.0, None, []
@@ -137,6 +139,12 @@ def drive_by(steering: Steering, episode: Episode) -> Track:
             break
         car = plant.step(car, replace(command, accel_mps2=0.0), TICK_S)
     return Track(np.array(offsets_m))
+
+
+def _plant_of(episode: Episode) -> Plant:
+    if episode.make_plant is None:
+        return build_plant(episode.plant, episode.nominal)
+    return episode.make_plant(real_vehicle(episode.plant, episode.nominal), episode.plant)
 
 
 class _Sight:
