@@ -216,12 +216,8 @@ def test_no_function_or_class_is_named_by_a_bare_participle() -> None:
     assert bare == []
 
 
-OTHER_MEANINGS = {
-    (
-        "supervisor.yaml",
-        "min_lookahead_m",
-    ),  # where the supervisor compares lanes; not where they are aimed at
-}
+# The supervisor compares lanes there; nothing aims at them.
+OTHER_MEANINGS = {("supervisor.yaml", "min_lookahead_m")}
 OWNERS = {
     ("vehicle.yaml", "standstill_mps"): re.compile(r"(?i)_?(standstill|standing)_mps"),
     ("perception.yaml", "lookahead_m"): re.compile(r"(?i)_?(\w+_)?(look_?ahead|aim)_m"),

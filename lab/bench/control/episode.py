@@ -27,10 +27,8 @@ from trepid.types import Column
 TICK_S = 0.01  # of the vehicle, as in config/simulator.yaml
 CONTROL_EVERY, FRAME_EVERY = 2, 4  # ticks: 50 Hz, 25 Hz
 LATENCY_S = 0.04  # from the frame to its decision
-SIGHT_M, SIGHT_S = (
-    steering_settings().lookahead_m,
-    LOOKAHEAD_S,
-)  # validity of the clothoid that touches the road
+# Validity of the clothoid that touches the road: least distance, and time.
+SIGHT_M, SIGHT_S = steering_settings().lookahead_m, LOOKAHEAD_S
 TANGENT_M = 0.01  # over which the rate of the curvature at the axle is taken
 S_DURATION_S = 13.0  # of the S
 SETTLED_S = 5.0  # after which an offset is no longer that of the start
