@@ -50,10 +50,13 @@ def test_bends_of_15_m_at_5_5_mps_are_kept_within_2_cm():
 
 @pytest.mark.parametrize(
     "law,limited,most_m",
-    [(LawName.FEEDFORWARD, False, 0.03), (LawName.MPC, False, 0.13), (LawName.MPC, True, 0.17)],
+    [(LawName.FEEDFORWARD, False, 0.03), (LawName.MPC, False, 0.26), (LawName.MPC, True, 0.17)],
 )
 def test_bends_are_entered_slowly_enough_from_8_mps(law, limited, most_m):
-    """Without a preview of the bends; the error is due to the permitted jerk: 5 m/s³ for MPC, 4 for the limiter."""
+    """Without a preview of the bends: MPC, slow enough for cars that differ from their file, enters them late.
+
+    With the limiter, which every command of a car passes, the permitted jerk of 4 m/s³ sets the error.
+    """
     lateral = SETTINGS.lateral.model_copy(update=dict(law=law))
     settings = SETTINGS.model_copy(update=dict(lateral=lateral))
     start = PlantState(speed_mps=8.0)
