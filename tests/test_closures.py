@@ -55,7 +55,7 @@ CLOSURES = {
         "assert build('cv') and build_judge()",
         {"perception"},
         65,
-        5_950,
+        6_000,
     ),
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
@@ -67,7 +67,7 @@ CLOSURES = {
         "import perception.node, perception.segments.estimator",
         {"perception"},
         56,
-        5_050,
+        5_100,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
