@@ -166,9 +166,9 @@ class Limiter:
         blind = self._now_s - self._state_s > self._limits.state_timeout_s
         if lost or blind:
             self.stopping = True
+            self.stop_reason = NO_COMMAND if missing else NO_SPEED if blind else self.stop_reason
         elif seen is not None and seen.measures_speed and seen.speed_mps <= self.standstill_mps:
-            self.stopping = False
-        self.stop_reason = NO_COMMAND if missing else NO_SPEED if blind else self.stop_reason * self.stopping
+            self.stopping, self.stop_reason = False, ""
 
     def _demand(self, command: Command | None, highest_mps2: float) -> float:
         """Acceleration demand [m/s²], at most ``highest_mps2``."""
