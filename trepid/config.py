@@ -70,9 +70,12 @@ class Settings(BaseModel):
     @classmethod
     def _with_former_names(cls, data: Any) -> Any:
         """``data`` with former names replaced; a former name overrides the fields of today."""
-        for name in cls.moved_fields.keys() & (data.keys() if isinstance(data, Mapping) else set()):
-            raise wrong_at((name,), f"is now {cls.moved_fields[name]}")
-        if not cls.former_names or not isinstance(data, Mapping):
+        if not isinstance(data, Mapping):
+            return data
+        for name, place in cls.moved_fields.items():
+            if name in data:
+                raise wrong_at((name,), f"is now {place}")
+        if not cls.former_names:
             return data
         today = {name: value for name, value in data.items() if name not in cls.former_names}
         for former in cls.former_names.keys() & data.keys():
