@@ -1,4 +1,4 @@
-"""Recordings and car folders of former versions open in this one, as docs/deprecation.md promises."""
+"""Recordings and car folders of former versions open in this one, as docs/compatibility.md promises."""
 
 import math
 from pathlib import Path

@@ -13,8 +13,8 @@ def page() -> str:
     """The page ``verbs.md`` of the site."""
     parts = [
         "# The verbs of the command line",
-        "`--help` of each prints the same. Exit codes: [exits](exits.md). `--quiet` leaves out progress and "
-        "assumptions, `-v` adds what is read and the time taken.",
+        "`--help` of each prints the same. Exit codes: [compatibility](compatibility.md). `--quiet` leaves out "
+        "progress and assumptions, `-v` adds what is read and the time taken.",
     ]
     for words, command in _commands(typer.main.get_group(app), ""):
         parts.append(f"## trepid {words}")
