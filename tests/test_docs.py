@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from trepid.config import ROOT
+from trepid.packages import PACKAGES
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES += [ROOT / "lab" / "results" / "README.md"]
@@ -14,6 +15,7 @@ PLACE = re.compile(r"\]\(([^)#:]*)#([^)]+)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 PAGE_OF_SOURCE = re.compile(r"docs/[a-z_/]+\.md")
 TEXT = {".py", ".yaml", ".toml", ".md", ".html"}
+CAR = ("trepid", "perception", "supervisor", "controller", "vehicle", "drive")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
@@ -50,3 +52,38 @@ def test_every_page_that_code_or_configuration_names_exists() -> None:
     }
     assert [page for page in sorted(named) if not (ROOT / page).is_file()] == []
     assert named  # the search finds a name
+
+
+def rooms(packages: tuple[str, ...]) -> set[str]:
+    """The rooms right below the ``packages``."""
+    return {
+        f"{package}/{path.name}/"
+        for package in packages
+        for path in (ROOT / package).iterdir()
+        if (path / "__init__.py").is_file()
+    }
+
+
+def test_the_map_of_the_architecture_names_the_rooms_that_exist() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\| `([a-z_]+)/(?:([a-z_]+)/)?` \| (.*) \|$", text, re.MULTILINE)
+    own = {f"{package}/{name}/" for package, name, _ in lines if name and package in PACKAGES}
+    within = {
+        f"{package}/{name}/"
+        for package, row, cell in lines
+        if not row
+        for name in re.findall(r"`([a-z_]+)/`", cell)
+    }
+    assert own | within == rooms(PACKAGES)
+
+
+def test_the_tree_of_the_car_in_the_readme_names_the_rooms_that_exist() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    tree = re.search(r"What runs in a car:\n\n```\n(.*?)```", text, re.DOTALL)
+    assert tree is not None
+    named, package = set(), ""
+    for line in tree[1].splitlines():
+        package = line.partition("/")[0] if not line.startswith(" ") else package
+        below = line if line.startswith(" ") else line.partition("/")[2]
+        named |= {f"{package}/{name}/" for name in re.findall(r"(?<!\S)([a-z_]+)/(?= )", below)}
+    assert named == rooms(CAR)
