@@ -35,11 +35,6 @@ OFFERS = Offers(
             "export",
             "Export a recording as table, video, figure, tub of donkeycar, LeRobot data set, or for Foxglove.",
         ),
-        "compare": Verb(
-            "cockpit.compare.cli",
-            "compare",
-            "Compare two recordings, traces, files of stored runs, or folders of them, side by side.",
-        ),
         "status": Verb(
             "cockpit.status_cli",
             "status",
@@ -70,14 +65,13 @@ OFFERS = Offers(
         "vehicle margins": "trepid vehicle margins",
         "replay": "trepid replay drive.mcap --through supervisor --rules config/fear.yaml",
         "export": "trepid export drive.mcap drive.csv --rate 20",
-        "compare": "trepid compare before.mcap after.mcap --picture both.png",
         "status": "trepid status",
         "service": "trepid service mycar --out ~/.config/systemd/user",
     },
     functions={
         "Car": "cockpit.api",
-        "compare": "cockpit.compare.api",
         "OpenRecording": "cockpit.api",
+        "estimate": "cockpit.footage.api",
         "explain": "cockpit.api",
         "load": "cockpit.api",
         "open_recording": "cockpit.api",

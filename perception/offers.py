@@ -10,7 +10,4 @@ OFFERS = Offers(
         "detector list": "trepid detector list",
         "detector fetch": "trepid detector fetch objectron",
     },
-    functions={
-        "estimate": "perception.api",
-    },
 )

@@ -10,6 +10,11 @@ OFFERS = Offers(
             "estimate",
             "Estimate the lane, or find the vehicle ahead, in images, folders of images, videos and recordings.",
         ),
+        "compare": Verb(
+            "sim_harness.compare.cli",
+            "compare",
+            "Compare two recordings, traces, files of stored runs, or folders of them, side by side.",
+        ),
     },
     added={"fear": {"tune": Verb("sim_harness.tuning.cli", "tune")}},
     examples={
@@ -24,12 +29,14 @@ OFFERS = Offers(
         "sim road export": "trepid sim road export town town.xodr",
         "sim road import": "trepid sim road import town.xodr town.yaml",
         "estimate": "trepid estimate --annotate out.png road.jpg",
+        "compare": "trepid compare before.mcap after.mcap --picture both.png",
         "fear tune": "trepid fear tune config/fear.yaml --trials 40 --out tuned.yaml",
     },
     functions={
         "run": "sim_harness.api",
         "sweep": "sim_harness.api",
         "rate": "sim_harness.footage.api",
+        "compare": "sim_harness.compare.api",
     },
     courses="sim_harness.live.course",
     simulated_car="sim_harness.live.vehicle_node",

@@ -11,12 +11,12 @@ from drive_rig import START_S, write_table, write_tub
 from rule_rig import FALLING, RISING, small_rules
 
 from cockpit.calibration.drive_log import read_log as read_identification_log
-from cockpit.compare.api import read_runs
 from cockpit.rulebook.fcl_export import fcl
 from cockpit.rulebook.fcl_read import parse_fcl
 from learning.dataset.build import read_log
 from learning.dataset.sources.log import Faults
 from learning.dataset.sources.table import TableOptions
+from sim_harness.compare.api import read_runs
 from sim_harness.footage.clip import read_log as read_speeds
 from sim_harness.footage.frame_fear import given_motion
 from sim_harness.tuning.numbers import NumberedText

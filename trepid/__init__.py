@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cockpit.api import Car, OpenRecording, explain, load, open_recording
-    from cockpit.compare.api import compare
+    from cockpit.footage.api import estimate
     from drive.api import drive
-    from perception.api import estimate
     from sim_harness.api import run, sweep
+    from sim_harness.compare.api import compare
     from sim_harness.footage.api import rate
     from trepid.config import InputError
 

@@ -17,7 +17,7 @@ from cockpit.calibration.drive_clip import steps_of
 from cockpit.calibration.height import Step
 from cockpit.calibration.straight_drive import Mounting, mounting
 from cockpit.calibration.winding_drive import DriveMeasurement, camera_by_driving, recorded_frames
-from perception.images.sources import Clip, Still, sources
+from cockpit.footage.sources import Clip, Still, sources
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.options import Car

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cockpit.calibration.height import Step
-from perception.images.sources import Clip, Source, Still, sources
+from cockpit.footage.sources import Clip, Source, Still, sources
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS, decoded_image
 from trepid.images.video import count_frames

@@ -13,8 +13,7 @@ import numpy as np
 
 from cockpit.export.drive import STALE_S, Drive
 from cockpit.export.frames import rate_of
-from cockpit.page.overlay import ahead_text, corners_px, overlay
-from perception.images.annotate import (
+from cockpit.footage.annotate import (
     HIGH,
     LEFT,
     LOW,
@@ -25,6 +24,7 @@ from perception.images.annotate import (
     label,
     with_decision,
 )
+from cockpit.page.overlay import ahead_text, corners_px, overlay
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load

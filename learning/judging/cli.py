@@ -40,10 +40,10 @@ def evaluate(
     """Judge driving networks on recorded angles, beside predictions without an image, on one core."""
     import cv2
 
+    from cockpit.footage.frames import print_json, print_table
     from learning.dataset.dataset import SPLITS, Dataset
     from learning.judging.evaluate import Bench
     from learning.judging.predictions import JudgedModel
-    from perception.images.frames import print_json, print_table
     from sim_harness.sweep.progress import SweepProgress
     from trepid.car.camera import Camera
     from trepid.images.files import IMAGE_SUFFIXES

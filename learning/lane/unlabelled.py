@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from cockpit.footage.api import cameras
+from cockpit.footage.frames import FrameResult, Unread, results
+from cockpit.footage.sources import Source
 from learning.lane.scores import LabelledFrames, Prediction, PursuitTask
-from perception.api import cameras
-from perception.images.frames import FrameResult, Unread, results
-from perception.images.sources import Source
 from perception.lane.view import as_bgr
 from perception.net.canonical import MIRRORED, CanonicalView
 from trepid.car.camera import Camera

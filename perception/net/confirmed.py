@@ -15,8 +15,8 @@ while driving is that of the network too.
 from dataclasses import replace
 
 from perception.camera.uncertainty import with_camera_doubt
-from perception.images.outline import with_boundaries
 from perception.lane.agreement import apart
+from perception.lane.outline import with_boundaries
 from perception.lane.which_lane import WhichLane
 from perception.net.steer_net import SteerNet
 from trepid.car.vehicle import Vehicle

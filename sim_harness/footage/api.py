@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from perception.api import Paths, as_paths, cameras, check_estimator, in_car
+from cockpit.footage.api import Paths, as_paths, cameras, check_estimator, in_car
+from cockpit.footage.frames import FrameResult, Unread
 from perception.estimators import ESTIMATORS
-from perception.images.frames import FrameResult, Unread
 from sim_harness.footage.frame_fear import fear_results, given_motion
 from sim_harness.footage.onlooker import FrameJudgement
 from trepid.images.files import NOMINAL_FPS

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import typer
 
-from perception.api import brings_camera
+from cockpit.footage.api import brings_camera
+from cockpit.footage.sources import RECORDING_SUFFIX, Source, Still, settings_of, sources
 from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
 from perception.estimators import entry_of, lane_cv_settings
-from perception.images.sources import RECORDING_SUFFIX, Source, Still, settings_of, sources
 from sim_harness.footage.clip import ClipFrames, load_drive
 from sim_harness.footage.reprojection import PoseChange, Reprojection
 from sim_harness.footage.resimulation import SUPERVISED, Resimulation, resimulate

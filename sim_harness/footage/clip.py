@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from perception.images.sources import sources
+from cockpit.footage.sources import sources
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.car.camera import Camera
 from trepid.config import InputError

@@ -8,14 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
-from perception.api import ASSUMED, cameras, check_estimator, find_leads
-from perception.api import estimate as estimates_of
+from cockpit.footage.api import ASSUMED, cameras, check_estimator, find_leads
+from cockpit.footage.api import estimate as estimates_of
+from cockpit.footage.frames import FrameResult, Unread, show
+from cockpit.footage.lane_rows import LANES
+from cockpit.footage.leads import LEADS
+from cockpit.footage.sources import is_recording
 from perception.estimators import estimators
-from perception.images.frames import FrameResult, Unread, show
-from perception.images.lane_rows import LANES
-from perception.images.sources import is_recording
 from perception.lead.finder import lead_settings
-from perception.lead.leads import LEADS
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
 from trepid.loudness import note
@@ -126,7 +126,7 @@ def estimate(
         shown = _with_note(lanes, ASSUMED) if guessed else lanes
         sheet = LANES
         if estimator == SEGMENTS and annotate is not None:
-            from perception.segments.overlay import masks_and_lane
+            from cockpit.footage.masks import masks_and_lane
 
             sheet = replace(LANES, draw=masks_and_lane())
         show(shown, sheet, inputs, annotate=annotate, as_json=as_json)

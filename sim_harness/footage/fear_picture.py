@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 
-from perception.images.annotate import PANEL, enlarge, with_decision, with_lane
-from perception.images.frames import FrameResult
+from cockpit.footage.annotate import PANEL, enlarge, with_decision, with_lane
+from cockpit.footage.frames import FrameResult
 from sim_harness.footage.onlooker import FrameJudgement
 from trepid.bounds import at_least
 from trepid.messages import PixelPath, SteeringEstimate

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from perception.api import brings_camera
-from perception.estimators import name_of
-from perception.images.annotate import number
-from perception.images.frames import (
+from cockpit.footage.annotate import number
+from cockpit.footage.api import brings_camera
+from cockpit.footage.frames import (
     CameraFor,
     FrameResult,
     Sheet,
@@ -20,8 +19,9 @@ from perception.images.frames import (
     Unread,
     results,
 )
-from perception.images.lane_rows import estimate_fields
-from perception.images.sources import Footage, Source
+from cockpit.footage.lane_rows import estimate_fields
+from cockpit.footage.sources import Footage, Source
+from perception.estimators import name_of
 from perception.lead.finder import LeadFinder, lead_finder, lead_settings
 from sim_harness.footage.clip import read_log
 from sim_harness.footage.fear_picture import draw_fear

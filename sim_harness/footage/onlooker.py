@@ -20,7 +20,7 @@ import numpy as np
 import supervisor.supervisor
 from perception.camera.odometry import StateOdometry
 from perception.estimators import ESTIMATORS, build_beside
-from perception.images.outline import with_boundaries
+from perception.lane.outline import with_boundaries
 from perception.lead.finder import LeadFinder
 from perception.sight.judge import build as build_judge
 from sim_harness.footage.clip import undistort

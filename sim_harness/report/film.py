@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
+from cockpit.footage.annotate import annotate, with_lane
 from drive.reason import fired_rules
 from perception.estimators import Estimator
-from perception.images.annotate import annotate, with_lane
 from sim_harness.lockstep.closed_loop import Instant, Parts, Result, Witness, build_parts, run
 from sim_harness.scenarios.scenario import Scenario
 from trepid.bounds import at_least

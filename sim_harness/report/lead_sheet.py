@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import typer
 
-from perception.images.annotate import label
-from perception.images.frames import FrameResult
+from cockpit.footage.annotate import label
+from cockpit.footage.frames import FrameResult
+from cockpit.footage.leads import draw_leads, leads_in
 from perception.lead.finder import lead_finder, lead_settings
-from perception.lead.leads import draw_leads, leads_in
 from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body

@@ -10,8 +10,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from cockpit.footage.annotate import with_lane
 from perception.estimators import build
-from perception.images.annotate import with_lane
 from sim_harness.judging.trace import Trace
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer

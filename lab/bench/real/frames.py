@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cockpit.footage.sources import Clip, sources
 from perception.camera.odometry import StateOdometry
 from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
 from perception.estimators import build_beside, lane_cv_settings
-from perception.images.sources import Clip, sources
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load

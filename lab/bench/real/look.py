@@ -12,7 +12,7 @@ from lab.bench.real import sets
 from lab.bench.real.frames import Picture, estimates
 from lab.bench.real.labels import SURFACES, Labels, Truth, border_error_px, columns, line_counts
 from perception.estimators import ESTIMATORS
-from perception.images.outline import with_boundaries
+from perception.lane.outline import with_boundaries
 from sim_harness.footage.fear_picture import with_lanes
 from sim_harness.footage.onlooker import FrameJudgement, GivenSpeed, Onlooker
 from supervisor.supervisor import SupervisorSettings

@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
+from cockpit.footage.annotate import label
 from lab.bench.real.look import NAMES
-from perception.images.annotate import label
 from trepid.images.figure_style import BLUE, ORANGE, bare, new_figure, save
 from trepid.images.files import write_image
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from supervisor_rig import ESTIMATE, STATE, Drive
 
-from cockpit.compare.drives import compare_drives
 from cockpit.logbook.moment import moment_figure
 from cockpit.logbook.recall import recall
 from cockpit.logbook.story import overview, story
 from cockpit.logbook.story_text import story_text
+from sim_harness.compare.drives import compare_drives
 from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import RuleChange
 from trepid.config import CONFIG_DIR, InputError

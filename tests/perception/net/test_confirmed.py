@@ -8,8 +8,8 @@ from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
 from perception.camera.self_calibration import calibrate_by_images
 from perception.camera.uncertainty import CameraBelief
 from perception.estimators import entry_of
-from perception.images.outline import with_boundaries
 from perception.lane.agreement import apart
+from perception.lane.outline import with_boundaries
 from perception.net.confirmed import CONFIRMED, DENIED, UNCONFIRMED, ConfirmedNet, agreement_degree
 from perception.net.steer_net import SteerNet
 from trepid.messages import Frame, SteeringEstimate

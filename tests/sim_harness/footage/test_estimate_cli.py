@@ -8,9 +8,9 @@ import pytest
 from drawn_road_rig import CAMERA, look
 from driving_network_rig import write_network
 
-from perception.images.frames import FrameResult
-from perception.images.lane_rows import _cells, as_row
-from perception.images.sources import Clip, sources
+from cockpit.footage.frames import FrameResult
+from cockpit.footage.lane_rows import _cells, as_row
+from cockpit.footage.sources import Clip, sources
 from sim_harness.footage.estimate_cli import estimate
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load

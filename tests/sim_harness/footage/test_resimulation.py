@@ -12,7 +12,7 @@ import pytest
 from recorded_rig import recorded
 from typer.testing import CliRunner
 
-from perception.images.sources import sources
+from cockpit.footage.sources import sources
 from sim_harness.cli import app
 from sim_harness.footage.cli import _one_line, assumed_camera
 from sim_harness.footage.clip import ClipFrames, load_drive, read_log, recorded_speeds

@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from perception.images.annotate import annotate, as_path, number
-from perception.images.frames import FrameResult, Sheet
+from cockpit.footage.annotate import annotate, as_path, number
+from cockpit.footage.frames import FrameResult, Sheet
 from trepid.messages import SteeringEstimate
 
 COLUMNS = [

@@ -32,8 +32,8 @@ def compare(
     Two traces are equal where their trace_sha256 are. The exit code is 0 when both were compared, also where they
     differ.
     """
-    from cockpit.compare.api import common_kind, compare_paths
-    from cockpit.compare.drives import courses
+    from sim_harness.compare.api import common_kind, compare_paths
+    from sim_harness.compare.drives import courses
     from trepid.images.figure_style import save
 
     kind = common_kind(one, other)
@@ -46,7 +46,7 @@ def compare(
     if picture is not None and drawn is not None:
         save(courses(drawn, names), picture)
     if report is not None:
-        from cockpit.compare.page import write_page
+        from sim_harness.compare.page import write_page
 
         figure = None if drawn is None else courses(drawn, names)
         write_page(report, found, list(_summary(found)), _meanings(kind), figure)
@@ -56,7 +56,7 @@ def compare(
 
 def _meanings(kind: str) -> Mapping[str, str]:
     if kind == "recordings":
-        from cockpit.compare.drives import MEANINGS
+        from sim_harness.compare.drives import MEANINGS
 
         return MEANINGS
     from sim_harness.judging.metrics import MEANINGS as OF_RUNS
@@ -65,7 +65,7 @@ def _meanings(kind: str) -> Mapping[str, str]:
 
 
 def _text(found: dict[str, Any]) -> Iterator[str]:
-    from cockpit.compare.page import value_text
+    from sim_harness.compare.page import value_text
 
     yield f"A {found['a']}\nB {found['b']}"
     if "figures" in found:
@@ -103,7 +103,7 @@ def _summary(found: dict[str, Any]) -> Iterator[str]:
 
 def _difference(found: dict[str, Any]) -> str:
     """The first difference of two recordings or traces in a line."""
-    from cockpit.compare.page import value_text
+    from sim_harness.compare.page import value_text
 
     first = found["first_difference"]
     if first is not None:

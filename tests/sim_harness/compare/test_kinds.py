@@ -13,7 +13,7 @@ from drive_rig import run
 from recorded_rig import recorded
 
 import trepid
-from cockpit.compare.page import unit_of
+from sim_harness.compare.page import unit_of
 from sim_harness.judging.trace import Trace
 from sim_harness.judging.trace_difference import compare_traces
 from sim_harness.scenarios.scenario import load_scenario

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from drawn_road_rig import look
 
-from perception.images.annotate import WHITE, AnnotationWriter, annotate, text
-from perception.images.sources import Clip, sources
+from cockpit.footage.annotate import WHITE, AnnotationWriter, annotate, text
+from cockpit.footage.sources import Clip, sources
 from trepid.config import InputError
 
 

@@ -8,6 +8,9 @@ from typing import TypeVar
 
 import cv2
 
+from cockpit.footage.frames import CameraFor, FrameResult, Step, Unread, results
+from cockpit.footage.leads import Leads, lead_results
+from cockpit.footage.sources import Footage, Source, Still
 from perception.camera.self_calibration import CALIBRATION_FRAMES, calibrate_by_images
 from perception.estimators import (
     ESTIMATORS,
@@ -18,10 +21,7 @@ from perception.estimators import (
     lane_cv_settings,
     no_estimator,
 )
-from perception.images.frames import CameraFor, FrameResult, Step, Unread, results
-from perception.images.outline import with_boundaries
-from perception.images.sources import Footage, Source, Still
-from perception.lead.leads import Leads, lead_results
+from perception.lane.outline import with_boundaries
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, use_car

@@ -5,8 +5,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from cockpit.compare.drives import Course, compare_drives, course, side_by_side
 from cockpit.logbook.explain_drive import is_recording
+from sim_harness.compare.drives import Course, compare_drives, course, side_by_side
 from sim_harness.judging.trace_difference import compare_traces
 from trepid.config import InputError, read_text
 

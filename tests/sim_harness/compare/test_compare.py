@@ -10,8 +10,8 @@ import pytest
 from drive_rig import run
 from recorded_rig import recorded
 
-from cockpit.compare.drives import first_difference
 from cockpit.logbook.recall import recall
+from sim_harness.compare.drives import first_difference
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.clock import seconds
 from trepid.recording.foreign import in_order

@@ -12,8 +12,8 @@ from typing import Any, Generic, TypeVar
 from rich.console import Console
 from rich.table import Table
 
-from perception.images.annotate import AnnotationWriter
-from perception.images.sources import FILM_SUFFIXES, Source, settings_of, sources
+from cockpit.footage.annotate import AnnotationWriter
+from cockpit.footage.sources import FILM_SUFFIXES, Source, settings_of, sources
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from perception.api import in_car
+from cockpit.footage.api import in_car
 from trepid.config import CAR, car_folder, using_car
 
 

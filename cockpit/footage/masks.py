@@ -5,8 +5,8 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from perception.images.annotate import annotate
-from perception.images.frames import FrameResult
+from cockpit.footage.annotate import annotate
+from cockpit.footage.frames import FrameResult
 from perception.lane.view import as_bgr
 from perception.segments.estimator import segmenter_of
 from perception.segments.network import Masks

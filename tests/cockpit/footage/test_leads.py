@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from fixed_detector import FixedDetector
 
-from perception.images.frames import FrameResult
+from cockpit.footage.frames import FrameResult
+from cockpit.footage.leads import Leads, as_row, draw_leads, leads_in
 from perception.lead.detection import Detection
 from perception.lead.finder import LeadFinder, lead_settings
-from perception.lead.leads import Leads, as_row, draw_leads, leads_in
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load, use_car

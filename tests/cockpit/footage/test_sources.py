@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from video_rig import matroska
 
-from perception.images.sources import Still, settings_of, sources
+from cockpit.footage.sources import Still, settings_of, sources
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.files import NOMINAL_FPS

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import cv2
 
-from perception.images.annotate import HIGH, PANEL, enlarge, label
-from perception.images.frames import (
+from cockpit.footage.annotate import HIGH, PANEL, enlarge, label
+from cockpit.footage.frames import (
     CameraFor,
     FrameResult,
     Sheet,
@@ -17,7 +17,7 @@ from perception.images.frames import (
     Unread,
     results,
 )
-from perception.images.sources import Source
+from cockpit.footage.sources import Source
 from perception.lead.detection import Detection
 from perception.lead.finder import LeadFinder, LeadSettings, lead_finder, lead_settings
 from perception.lead.kinds import VEHICLE
