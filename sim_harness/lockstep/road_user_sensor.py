@@ -3,8 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from sim_harness.lockstep.contact import Outline
-from sim_harness.lockstep.line_of_sight import Solid, seen_share
+from sim_harness.lockstep.contact import Outline, Solid, seen_share
 from sim_harness.lockstep.road_user_model import RoadUserModel, build_road_user_model
 from sim_harness.lockstep.road_users import Walker
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator

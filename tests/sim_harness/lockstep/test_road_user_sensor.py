@@ -11,8 +11,7 @@ from hypothesis import settings as within
 from hypothesis import strategies as st
 
 from sim_harness.lockstep.closed_loop import build_parts, run
-from sim_harness.lockstep.contact import Outline
-from sim_harness.lockstep.line_of_sight import Solid, seen_share
+from sim_harness.lockstep.contact import Outline, Solid, seen_share
 from sim_harness.lockstep.road_user_model import RoadUserModel, build_road_user_model
 from sim_harness.lockstep.road_user_sensor import build_road_user_sensor
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
