@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from live_page_rig import chromium
+from browser_rig import chromium
 from process_rig import until
 
 from trepid.config import ROOT

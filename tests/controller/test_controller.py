@@ -133,15 +133,20 @@ def test_missing_old_impossible_inputs_and_mode_stop_brake_at_once(what):
     assert output.speed_mps == 0.0
 
 
+def with_value(received, known, message, name, value):
+    """The decision and the state, of which the one of type ``message`` has ``value`` in the field ``name``."""
+    change = {name: value}
+    return (
+        (replace(received, **change), known) if message is Decision else (received, replace(known, **change))
+    )
+
+
 @pytest.mark.parametrize("message,name", NUMBERS)
 @pytest.mark.parametrize("value", BAD)
 def test_a_number_that_is_not_finite_never_drives_and_never_reaches_the_command(message, name, value):
     one, now_s, last = rolling()
     received, known = decision(now_s), state(now_s)
-    if message is Decision:
-        received = replace(received, **{name: value})
-    else:
-        known = replace(known, **{name: value})
+    received, known = with_value(received, known, message, name, value)
     output = one.step(received, known, now_s=now_s)
     assert finite(output)
     assert output.accel_mps2 < 0.0 < last.accel_mps2
@@ -167,10 +172,7 @@ def test_random_inputs_give_a_bounded_command(data):
         for message, name in data.draw(st.lists(st.sampled_from(NUMBERS), max_size=6)):
             optional = "None" in str(message.__dataclass_fields__[name].type)
             value = data.draw(anything if optional else required)
-            if message is Decision:
-                received = replace(received, **{name: value})
-            else:
-                known = replace(known, **{name: value})
+            received, known = with_value(received, known, message, name, value)
         output = one.step(received, known, now_s=now_s)
         assert finite(output)
         assert abs(output.road_wheel_angle_rad) <= SHUTTLE.max_road_wheel_angle_rad

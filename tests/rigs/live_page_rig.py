@@ -1,9 +1,7 @@
-"""A live page without a drive: its process on a bus of the test, messages of the test's making, a real browser."""
+"""A live page without a drive: its process on a bus of the test, messages of the test's making."""
 
 import http.client
 import json
-import os
-import shutil
 import threading
 import time
 from collections.abc import Iterator
@@ -15,7 +13,6 @@ from typing import Any, Self
 
 import cv2
 import numpy as np
-import pytest
 from message_rig import decision, estimate
 
 from trepid.bus import free_endpoint, open_bus
@@ -51,8 +48,6 @@ from trepid.topics import (
 )
 from vehicle.driver.stop_button import STOPPED, StopButton
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
 STATIC = ROOT / "cockpit" / "page" / "static"
 ESTIMATORS = ("cv", "cnn")
 RING = "a drive"  # name of the ring of its last minutes
@@ -321,34 +316,3 @@ def rule_copy(folder: Path) -> Path:
     copied = folder / "fear.yaml"
     copied.write_text((CONFIG_DIR / "fear.yaml").read_text(encoding="utf-8"), encoding="utf-8")
     return copied
-
-
-@contextmanager
-def chromium(profile: Path, *flags: str) -> Iterator[Any]:
-    """A browser without a window; skips where there is none."""
-    if CHROMIUM is None or DRIVER is None:
-        pytest.skip("no Chromium with its driver here (Debian: chromium, chromium-driver)")
-    webdriver = pytest.importorskip("selenium.webdriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for flag in (
-        *(
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--disable-dev-shm-usage",
-            "--window-size=1366,1500",
-        ),
-        *("--disable-background-networking", "--disable-component-update", f"--user-data-dir={profile}"),
-        *flags,
-    ):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    service = webdriver.ChromeService(
-        executable_path=DRIVER, env={**os.environ, "no_proxy": "localhost,127.0.0.1"}
-    )
-    driver = webdriver.Chrome(options=options, service=service)
-    try:
-        yield driver
-    finally:
-        driver.quit()

@@ -11,7 +11,8 @@ from typing import Any
 
 import cv2
 import pytest
-from live_page_rig import RING, STATIC, LivePage, Publisher, Scene, chromium, rule_copy
+from browser_rig import chromium
+from live_page_rig import RING, STATIC, LivePage, Publisher, Scene, rule_copy
 from message_rig import decision
 from process_rig import until
 

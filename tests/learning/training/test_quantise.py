@@ -27,12 +27,6 @@ QUICK = (
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    folder = tmp_path_factory.mktemp("drive")
-    return made_dataset(folder / "set", write_tub(folder / "tub", 360))
-
-
-@pytest.fixture(scope="module")
 def large(data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A network with 32 bits."""
     return trained(data, tmp_path_factory.mktemp("weights") / "large.onnx", "steer")

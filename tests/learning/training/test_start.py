@@ -33,12 +33,6 @@ def trained(data: Dataset, out: Path, *words: str, epochs: int = 8, rate: float 
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    folder = tmp_path_factory.mktemp("drive")
-    return made_dataset(folder / "set", write_tub(folder / "tub", 360))
-
-
-@pytest.fixture(scope="module")
 def first(data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("first") / "first.onnx"
     assert trained(data, out) == 0

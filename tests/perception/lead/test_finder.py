@@ -8,6 +8,7 @@ import pytest
 from fixed_detector import FixedDetector
 from hypothesis import given
 from hypothesis import strategies as st
+from message_rig import state
 
 from perception.lead.boxes import REAR_M, on_road
 from perception.lead.detection import Detection, Platt, peaks
@@ -30,7 +31,7 @@ from supervisor.supervisor import SupervisorSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.messages import Frame, LeadVehicle, SteeringEstimate
 from trepid.wire import from_cdr, to_cdr
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
@@ -218,16 +219,6 @@ def test_the_confidence_of_an_undetected_vehicle_falls_until_its_track_is_droppe
         tracker.step([], speed_mps=5.0, yaw_rate_radps=0.0, dt_s=PERIOD_S)
     assert confidences == sorted(confidences, reverse=True)
     assert len(confidences) * PERIOD_S <= SETTINGS.track.max_coast_s + PERIOD_S
-
-
-def state(t_s: float, *, speed_mps: float = 5.0, yaw_rate_radps: float = 0.0) -> VehicleState:
-    return VehicleState(
-        t_s=t_s,
-        speed_mps=speed_mps,
-        road_wheel_angle_rad=0.0,
-        yaw_rate_radps=yaw_rate_radps,
-        driver_override=False,
-    )
 
 
 def found(detections: list[Detection], *, yaw_rate_radps: float = 0.0, known: bool = True) -> LeadVehicle:

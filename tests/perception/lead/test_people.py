@@ -9,6 +9,7 @@ import pytest
 from fixed_detector import FixedDetector
 from hypothesis import given
 from hypothesis import strategies as st
+from message_rig import state
 
 from perception.lead.boxes import BoxSettings, _uncut
 from perception.lead.detection import Detection
@@ -17,7 +18,7 @@ from perception.lead.kinds import HEIGHTS_M, Box, detected_kinds, standing, with
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load, parse, use_car
-from trepid.messages import Frame, RoadUsers, VehicleState
+from trepid.messages import Frame, RoadUsers
 from trepid.processes.settings import ProcessSpec
 from trepid.topics import LEAD_VEHICLE, ROAD_USERS
 
@@ -153,16 +154,6 @@ def test_an_unknown_kind_is_refused_with_the_nearest_one() -> None:
         )
 
 
-def state(t_s: float, speed_mps: float, yaw_rate_radps: float = 0.0) -> VehicleState:
-    return VehicleState(
-        t_s=t_s,
-        speed_mps=speed_mps,
-        road_wheel_angle_rad=0.0,
-        yaw_rate_radps=yaw_rate_radps,
-        driver_override=False,
-    )
-
-
 def watched(walk: tuple[float, float], own_mps: float, *, known: bool = True, frames: int = 50) -> RoadUsers:
     """The people after noisy detections of one that walks at this velocity, 25 m ahead of a car at the start."""
     rng = np.random.default_rng(4)
@@ -174,7 +165,9 @@ def watched(walk: tuple[float, float], own_mps: float, *, known: bool = True, fr
         deviation_m = 0.0015 * ahead_m**2
         seen = ahead_m + rng.normal(0, deviation_m), left_m + rng.normal(0, 0.01 * ahead_m)
         detector.detections = [Detection(*seen, 0.6, 0.9, 1.7, "person", deviation_m)]
-        lead = finder.step(Frame(t_s=t_s, image=IMAGE), state(t_s, own_mps) if known else None, [], now_s=t_s)
+        lead = finder.step(
+            Frame(t_s=t_s, image=IMAGE), state(t_s, speed_mps=own_mps) if known else None, [], now_s=t_s
+        )
         assert lead.confidence == 0, "a person is no vehicle to follow"
     assert finder.road_users is not None
     return finder.road_users
@@ -199,14 +192,14 @@ def test_a_single_detection_is_published_only_where_it_is_sure() -> None:
     for confidence, people in ((0.95, 1), (0.5, 0)):
         detector = FixedDetector([Detection(15.0, 1.0, 0.6, confidence, 1.7, "person", 0.5)], ALL)
         finder = LeadFinder(detector, lead_settings(), CAMERA, VEHICLE)
-        finder.step(Frame(t_s=0.0, image=IMAGE), state(0.0, 5.0), [], now_s=0.0)
+        finder.step(Frame(t_s=0.0, image=IMAGE), state(0.0), [], now_s=0.0)
         assert finder.road_users is not None and len(finder.road_users.kinds) == people
 
 
 def test_an_image_that_cannot_be_used_gives_no_message_of_people() -> None:
     finder = LeadFinder(FixedDetector([], ALL), lead_settings(), CAMERA, VEHICLE)
-    finder.step(Frame(t_s=0.0, image=IMAGE), state(0.0, 5.0), [], now_s=0.0)
-    finder.step(Frame(t_s=0.04, image=np.zeros((2, 2, 3), np.uint8)), state(0.04, 5.0), [], now_s=0.04)
+    finder.step(Frame(t_s=0.0, image=IMAGE), state(0.0), [], now_s=0.0)
+    finder.step(Frame(t_s=0.04, image=np.zeros((2, 2, 3), np.uint8)), state(0.04), [], now_s=0.04)
     assert finder.road_users is None
 
 

@@ -1,12 +1,11 @@
 """The report page in a real browser: it opens alone, sorts, filters, and shows a run."""
 
 import json
-import os
 import re
-import shutil
 
 import numpy as np
 import pytest
+from browser_rig import chromium
 
 from sim_harness.judging.metrics import MEANINGS
 from sim_harness.judging.trace import Trace
@@ -15,9 +14,6 @@ from sim_harness.report.film import Film, run_filmed
 from sim_harness.report.page import MAX_FILMS, MAX_OTHER_PICTURES, Page
 from sim_harness.report.summary import code_differences, kept_samples, summarise, worst_sample
 from sim_harness.scenarios.scenario import load_scenario
-
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
 
 
 def decoded(code):
@@ -147,27 +143,9 @@ def test_lane_edges_that_runs_share_are_stored_once(page_file):
 
 @pytest.fixture(scope="module")
 def browser(page_file, tmp_path_factory):
-    if CHROMIUM is None or DRIVER is None:
-        pytest.skip("no Chromium with its driver here (Debian: chromium, chromium-driver)")
-    webdriver = pytest.importorskip("selenium.webdriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    profile = tmp_path_factory.mktemp("profile")
-    for flag in (
-        *("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1366,900"),
-        *("--disable-background-networking", "--disable-component-update", f"--user-data-dir={profile}"),
-    ):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    service = webdriver.ChromeService(
-        executable_path=DRIVER, env={**os.environ, "no_proxy": "localhost,127.0.0.1"}
-    )
-    driver = webdriver.Chrome(options=options, service=service)
-    try:
+    with chromium(tmp_path_factory.mktemp("profile"), "--window-size=1366,900") as driver:
         driver.get(page_file.as_uri())
         yield driver
-    finally:
-        driver.quit()
 
 
 def column(browser, name):

@@ -29,6 +29,7 @@ from rc_rig import (
 from controller.limiter import build as build_limiter
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from vehicle.actuators.actuator import Actuator
 from vehicle.actuators.node import ActuatorStep, Wire
 from vehicle.actuators.rc.actuator import BRAKE_FROM_MPS2, PcaActuator, SerialActuator
 from vehicle.actuators.rc.guard import Guard
@@ -111,12 +112,7 @@ def test_the_end_of_the_steering_is_not_taken_for_a_driver(tmp_path, lack_rad) -
     settings = pca(tmp_path / "i2c", steering={**STEERING, "left_rad": lock_rad})
     with chip_on(tmp_path / "i2c"):
         actuator = PcaActuator(settings, car(clock))
-        wire, node = (
-            Wire(actuator, "pca9685"),
-            ActuatorStep(
-                build_limiter(car(clock).vehicle), build_check(car(clock).vehicle, computed=SCRIPTED)
-            ),
-        )
+        wire, node = wire_and_step(actuator, vehicle=car(clock).vehicle)
         looped(wire, node, clock, 200, 0.5)
         looped(wire, node, clock, 600, 0.0, STEERING["left_rad"])
         state = actuator.read(now_s=clock.now_s)
@@ -156,10 +152,7 @@ def test_an_actuator_that_starts_again_in_a_bend_leaves_the_wheels(tmp_path) -> 
         second = PcaActuator(pca(tmp_path / "i2c"), car(clock))
         assert chip.pulse_us(STEERING_CHANNEL) == held_us
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
-        wire, node = (
-            Wire(second, "pca9685"),
-            ActuatorStep(build_limiter(VEHICLE), build_check(VEHICLE, computed=SCRIPTED)),
-        )
+        wire, node = wire_and_step(second)
         looped(wire, node, clock, 100, 1.0)
         state = wire.read(clock.now_s)
         assert (state.speed_mps, state.yaw_rate_radps) == (None, None)
@@ -298,10 +291,7 @@ def test_an_old_speed_does_not_drive_a_car_after_a_fault_of_the_wire(there, tmp_
 def test_a_serial_board_gets_no_steering_before_the_car_stands(there, tmp_path) -> None:
     clock = Time()
     actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
-    wire, node = (
-        Wire(actuator, "serial"),
-        ActuatorStep(build_limiter(VEHICLE), build_check(VEHICLE, computed=SCRIPTED)),
-    )
+    wire, node = wire_and_step(actuator, "serial")
 
     def reported(speed_mps: float) -> bool:
         there.turn(clock.now_s, b"V%d\n" % round(1000 * speed_mps))
@@ -359,6 +349,14 @@ def test_both_protocols_carry_the_pulses(tmp_path, protocol) -> None:
     assert there.board.errors == 0
 
 
+def wire_and_step(
+    actuator: Actuator, name: str = "pca9685", vehicle: Vehicle = VEHICLE
+) -> tuple[Wire, ActuatorStep]:
+    """The parts of the actuator process."""
+    step = ActuatorStep(build_limiter(vehicle), build_check(vehicle, computed=SCRIPTED))
+    return Wire(actuator, name), step
+
+
 def looped(
     wire: Wire, node: ActuatorStep, clock: Time, turns: int, accel_mps2: float, angle_rad: float = 0.0
 ) -> None:
@@ -378,10 +376,7 @@ def test_after_a_freeze_of_the_process_the_throttle_stays_neutral_until_standsti
     clock = Time()
     with chip_on(tmp_path / "i2c") as chip:
         actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
-        wire, node = (
-            Wire(actuator, "pca9685"),
-            ActuatorStep(build_limiter(VEHICLE), build_check(VEHICLE, computed=SCRIPTED)),
-        )
+        wire, node = wire_and_step(actuator)
         looped(wire, node, clock, 300, 0.7)
         assert chip.pulse_us(THROTTLE_CHANNEL) > THROTTLE["neutral_us"] + 50
         before_mps = actuator.read(now_s=clock.now_s).speed_mps
@@ -401,10 +396,7 @@ def test_after_a_freeze_until_standstill_the_car_starts_from_standstill(tmp_path
     clock = Time()
     with chip_on(tmp_path / "i2c") as chip:
         actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
-        wire, node = (
-            Wire(actuator, "pca9685"),
-            ActuatorStep(build_limiter(VEHICLE), build_check(VEHICLE, computed=SCRIPTED)),
-        )
+        wire, node = wire_and_step(actuator)
         looped(wire, node, clock, 300, 0.7)
         clock.now_s += 5.0
         looped(wire, node, clock, 1, 0.7)
