@@ -211,6 +211,6 @@ def test_the_layout_shows_topics_and_fields_that_exist(messages: dict[str, list[
 
 
 def test_a_layout_and_a_page_are_named_in_the_documentation() -> None:
-    page = (ROOT / "docs" / "foxglove.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "page.md").read_text(encoding="utf-8")
     assert LAYOUT.relative_to(ROOT).as_posix() in page
     assert all(f"/{key}" in page for key in ros.TYPES)
