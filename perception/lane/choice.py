@@ -149,7 +149,7 @@ class LaneChoice:
             if rival.score > weak.score + track.rival_margin:
                 self._rival_looks += 1
                 if _continues(rival.fit, lane, track) or self._rival_looks >= track.confirm_looks:
-                    memory.looks, memory.width_seen = 0, False
+                    memory.looks, memory.width_seen = 0.0, False
                     return self._keep(rival, memory)
             else:
                 self._rival_looks = 0

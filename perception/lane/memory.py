@@ -20,7 +20,7 @@ class LaneMemory:
         self._settings, self._rating = settings, rating
         self.lane: LaneState | None = None
         self.seen_t_s = 0.0  # time of the last detection
-        self.looks = 0  # detections in a row, at most sure_looks
+        self.looks = 0.0  # detections in a row, at most sure_looks; a part of them after frames without one
         self.factors = NO_FACTORS  # of the last detection
         self.probability = 0.0  # of the last detection
         self.one_lane = 1.0  # ..., that it is not both lanes of a road
@@ -34,6 +34,7 @@ class LaneMemory:
         self._straight = False  # whether the road was straight at the last detection
         self._unmarked_m = 0.0  # driven since the last detection of lines
         self._unseen_m = 0.0  # ... and of anything
+        self._kept = 1.0  # share of the detections that counts after frames without any
 
     def predict(self, t_s: float, motion: VehicleMotion) -> None:
         """Move the lane and its rival to ``t_s``; forget both when time runs backwards or without detections.
@@ -46,7 +47,7 @@ class LaneMemory:
         dt_s, track = t_s - self._t_s, self._settings.track
         share = min(1.0, self.probability / self._settings.good_probability)
         if dt_s < 0 or t_s - self.seen_t_s > max(share * track.max_coast_s, MIN_UNSEEN_S):
-            self.lane, self.rival, self.looks, self.neighbour = None, None, 0, 0
+            self.lane, self.rival, self.looks, self.neighbour = None, None, 0.0, 0
             self.width_seen = False
             return
         way_m = travelled_distance_m(motion, dt_s, track)
@@ -60,10 +61,12 @@ class LaneMemory:
         """Replace the lane by ``found`` at ``t_s``; returns the lane to report.
 
         The reported lane is straight where the road is; the remembered one keeps its bend, because the same
-        evidence would otherwise count in every frame.
+        evidence would otherwise count in every frame. After frames without a detection those before them count
+        by the share :attr:`fade` of the remembered lane: chance detections do not persist.
         """
         fit, settings = found.fit, self._settings
-        self.looks, self._unseen_m = min(self.looks + 1, settings.evidence.sure_looks), 0.0
+        self.looks = min(self._kept * self.looks + 1.0, settings.evidence.sure_looks)
+        self._kept, self._unseen_m = 1.0, 0.0
         if not fit.by_edges:
             self._unmarked_m = 0.0
         self.source = EDGES if fit.by_edges and not self.lines_define_place else LINES
@@ -76,6 +79,7 @@ class LaneMemory:
     def coast(self) -> LaneState:
         """Keep the predicted lane without a detection, with a constant bend; returns it."""
         assert self.lane is not None
+        self._kept = self.fade
         self.lane = steady(self._straighten(self.lane))
         return self.lane
 

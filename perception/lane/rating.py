@@ -62,7 +62,7 @@ class Rating:
         factors = self._factors(fit)
         return Candidate(fit, factors, factors.score)
 
-    def features(self, factors: Factors, lane: LaneState, *, looks: int) -> Features:
+    def features(self, factors: Factors, lane: LaneState, *, looks: float) -> Features:
         """Inputs of the probability of ``lane`` after ``looks`` detections in a row: 1, log factors, conditions.
 
         Chance detections do not persist. A large heading error is rare in a lane that is kept. Edges with a
@@ -93,7 +93,7 @@ class Rating:
         total = sum(w * x for w, x in zip(weights, features, strict=True))
         return 1 / (1 + math.exp(-min(max(total, -30.0), 30.0)))
 
-    def probability_of(self, candidate: Candidate, *, looks: int) -> float:
+    def probability_of(self, candidate: Candidate, *, looks: float) -> float:
         """The probability that ``candidate`` is right after ``looks`` detections in a row."""
         return self.probability(self.features(candidate.factors, candidate.fit.state, looks=looks))
 
