@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from add_on_rig import car_with_rules, installed, trepid
+from add_on_rig import car_with_rules, install_add_on, trepid
 
 pytestmark = pytest.mark.long
 DRIVE = ["--set", "estimators=[cv, mirrored_cv]", "--set", "plant.model=heavy", "--set", "duration_s=6"]
@@ -12,7 +12,7 @@ DRIVE = ["--set", "estimators=[cv, mirrored_cv]", "--set", "plant.model=heavy", 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return installed(tmp_path_factory.mktemp("add_on"))
+    return install_add_on(tmp_path_factory.mktemp("add_on"))
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from closure_rig import lines_of_code, loaded
+from closure_rig import lines_of_code, loaded_modules
 
 from cockpit.car.init import Like, write_car
 from trepid.config import CAR
@@ -138,7 +138,7 @@ def test_an_entry_of_a_real_car_loads_its_own_package_and_the_vocabulary_only(
     entry: str, shuttle: Path
 ) -> None:
     statements, packages, modules, lines = CLOSURES.get(entry, WHOLE_CAR)
-    found = {name: count for name, count in loaded(statements, {CAR: str(shuttle)}).items() if count}
+    found = {name: count for name, count in loaded_modules(statements, {CAR: str(shuttle)}).items() if count}
     own = tuple(f"{package}." for package in packages | {"trepid"})
     foreign = sorted(name for name in found if not f"{name}.".startswith(own) and name not in OFFERED)
     assert foreign == []
@@ -146,7 +146,7 @@ def test_an_entry_of_a_real_car_loads_its_own_package_and_the_vocabulary_only(
 
 
 def test_the_measure_sees_the_simulator_where_it_is_loaded() -> None:
-    found = loaded("import sim_harness.live.vehicle_node", {})
+    found = loaded_modules("import sim_harness.live.vehicle_node", {})
     assert {"sim_harness.live.vehicle_node", "controller.limiter.limiter", "trepid.bus"} <= found.keys()
     assert {name.split(".")[0] for name in found} <= set(PACKAGES)
 

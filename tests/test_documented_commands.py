@@ -54,7 +54,7 @@ files does not exist.
 """
 
 
-class Documented(NamedTuple):
+class DocumentedCommand(NamedTuple):
     """A command and the place where it is documented."""
 
     place: str
@@ -69,25 +69,27 @@ class Documented(NamedTuple):
         return words[: min(ends, default=len(words))]
 
 
-def documented(page: Path, text: str) -> Iterator[Documented]:
+def commands_of(page: Path, text: str) -> Iterator[DocumentedCommand]:
     """The commands of a page."""
     language: str | None = None
     for command in INLINE.finditer(
         re.sub(r"(?ms)^\s*```.*?^\s*```", lambda m: "\n" * m.group().count("\n"), text)
     ):
         number = text.count("\n", 0, text.find(command.group())) + 1
-        yield Documented(f"{page.name}:{number}", " ".join(command.group(1).split()), inline=True)
+        yield DocumentedCommand(f"{page.name}:{number}", " ".join(command.group(1).split()), inline=True)
     for number, line in enumerate(text.splitlines(), start=1):
         fence = FENCE.match(line)
         if fence:
             language = fence.group(1).lower() if language is None else None
         elif language in LANGUAGES and (command := COMMAND.match(line)):
-            yield Documented(f"{page.name}:{number}", command.group(1))
+            yield DocumentedCommand(f"{page.name}:{number}", command.group(1))
 
 
-COMMANDS = [command for page in PAGES for command in documented(page, page.read_text(encoding="utf-8"))]
-COMMANDS += [Documented(f"help of {words}", example) for words, example in examples().items()]
-COMMANDS += [Documented(f"help of {name}", verb.example) for name, verb in verbs().items() if verb.example]
+COMMANDS = [command for page in PAGES for command in commands_of(page, page.read_text(encoding="utf-8"))]
+COMMANDS += [DocumentedCommand(f"help of {words}", example) for words, example in examples().items()]
+COMMANDS += [
+    DocumentedCommand(f"help of {name}", verb.example) for name, verb in verbs().items() if verb.example
+]
 TREPID = [command for command in COMMANDS if command.words[0] == "trepid"]
 MAKE = [command for command in COMMANDS if command.words[0] == "make"]
 
@@ -103,11 +105,11 @@ def any_car(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(used, lambda folder: use_car(folder) if folder.is_dir() else None)
 
 
-def place(command: Documented) -> str:
+def place(command: DocumentedCommand) -> str:
     return command.place
 
 
-def resolved(words: list[str]) -> tuple[str, typer.core.TyperCommand, list[str]]:
+def resolve(words: list[str]) -> tuple[str, typer.core.TyperCommand, list[str]]:
     """Verb, its command and the words after it. Raises AssertionError for an unknown verb."""
     command, verb = typer.main.get_group(app), []
     while hasattr(command, "commands"):
@@ -124,9 +126,9 @@ def options_of(command: typer.core.TyperCommand) -> set[str]:
     return {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)}
 
 
-def check(documented: Documented) -> None:
+def check(documented: DocumentedCommand) -> None:
     """Raise what the command line raises for these words; no command is executed."""
-    verb, command, rest = resolved(documented.words[1:])
+    verb, command, rest = resolve(documented.words[1:])
     if documented.inline or SYNOPSIS.search(" ".join(rest)):
         named = set(re.findall(r"--[a-z][a-z-]*", " ".join(rest)))
         assert named <= options_of(command) | {"--help"}, (
@@ -138,12 +140,12 @@ def check(documented: Documented) -> None:
 
 
 @pytest.mark.parametrize("command", TREPID, ids=place)
-def test_a_documented_command_parses(command: Documented) -> None:
+def test_a_documented_command_parses(command: DocumentedCommand) -> None:
     check(command)
 
 
 @pytest.mark.parametrize("command", MAKE, ids=place)
-def test_a_documented_target_exists(command: Documented) -> None:
+def test_a_documented_target_exists(command: DocumentedCommand) -> None:
     done = subprocess.run(
         [shutil.which("make") or "make", "--dry-run", *command.words[1:]],
         cwd=ROOT,
@@ -154,10 +156,10 @@ def test_a_documented_target_exists(command: Documented) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def executed(command: Documented) -> list[str] | None:
+def words_to_execute(command: DocumentedCommand) -> list[str] | None:
     """The words to execute for a documented command; None where it is only parsed."""
     words = command.words[1:]
-    verb, _, rest = resolved(words)
+    verb, _, rest = resolve(words)
     if command.inline or verb not in EXECUTED or SYNOPSIS.search(" ".join(rest)):
         return None
     files = [word for word in rest if re.fullmatch(r"[\w./-]+\.(yaml|mcap|jpg|png|mp4|onnx)", word)]
@@ -175,12 +177,12 @@ def _many_runs(words: list[str]) -> bool:
     return not set(words).isdisjoint({"all", "--cluster", "--tag", "--sample", "--seeds", "--resume"})
 
 
-EXECUTABLE = [(command, words) for command in TREPID if (words := executed(command)) is not None]
+EXECUTABLE = [(command, words) for command in TREPID if (words := words_to_execute(command)) is not None]
 
 
 @pytest.mark.parametrize(("command", "words"), EXECUTABLE, ids=[place(command) for command, _ in EXECUTABLE])
 def test_a_quick_documented_command_runs(
-    command: Documented, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: DocumentedCommand, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "config").symlink_to(ROOT / "config")
     (tmp_path / "docs").symlink_to(ROOT / "docs")
@@ -208,7 +210,7 @@ def test_the_pages_document_commands_of_which_some_are_executed() -> None:
 )
 def test_a_wrong_command_would_be_found(text: str) -> None:
     page = f"```console\n{text}  # a comment\n```\n"
-    (command,) = documented(Path("page.md"), page)
+    (command,) = commands_of(Path("page.md"), page)
     with pytest.raises((AssertionError, TyperException)):
         check(command)
 
@@ -218,7 +220,7 @@ WRITTEN = {"init": 0, "dataset build": 0, "dataset join": 0, "export": 1}
 """Verb -> the place of the file or folder that it writes among the words after the verb."""
 
 
-def outputs(command: Documented) -> set[str]:
+def outputs(command: DocumentedCommand) -> set[str]:
     """The relative paths that a documented command writes."""
     words = command.words[1:]
     found = {word for option, word in pairwise(words) if option in WRITES}

@@ -83,7 +83,7 @@ def runs(path: Path) -> Path:
     return file
 
 
-def logged(path: Path) -> Path:
+def write_log(path: Path) -> Path:
     t_s = [START_S + 0.02 * n for n in range(12)]
     names = ("speed_mps", "road_wheel_angle_rad", "yaw_rate_radps")
     columns = {name: np.linspace(0.1, 0.9, 12).tolist() for name in names}
@@ -106,7 +106,7 @@ def motion_of(file: Path) -> Any:
     return [column.tolist() for column in read_speeds(file)], motion.yaw_radps_at(0.1)
 
 
-def identified(file: Path) -> Any:
+def identify(file: Path) -> Any:
     log = read_identification_log(file)
     return [column.tolist() for column in (log.t_s, log.speed_mps, log.angle_rad, log.yaw_rate_radps)]
 
@@ -126,9 +126,9 @@ FORMATS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], Any]]] = {
     "manifest of a tub": (manifest, tub_of),
     "catalog of a tub": (catalog, tub_of),
     "runs": (runs, read_runs),
-    "table of a data set": (logged, table_of),
-    "table of speeds": (logged, motion_of),
-    "table of a drive": (logged, identified),
+    "table of a data set": (write_log, table_of),
+    "table of speeds": (write_log, motion_of),
+    "table of a drive": (write_log, identify),
 }
 
 

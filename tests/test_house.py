@@ -202,9 +202,10 @@ def is_bare_participle(name: str) -> bool:
 
 
 def test_no_function_or_class_is_named_by_a_bare_participle() -> None:
+    tests = [path for folder in (ROOT / "tests", ROOT / "lab" / "tests") for path in folder.rglob("*.py")]
     bare = [
-        f"{module}.{node.name}"
-        for module, path in modules().items()
+        f"{path}: {node.name}"
+        for path in (*modules().values(), *tests)
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
         and is_bare_participle(node.name)

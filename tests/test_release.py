@@ -19,7 +19,7 @@ WEIGHTS = sorted((ROOT / "perception" / "weights").glob("*.onnx"))
 ENGINES = [name for name in ("podman", "docker") if shutil.which(name)]
 
 
-def locked() -> dict[str, str]:
+def locked_versions() -> dict[str, str]:
     """Package -> version in requirements.lock."""
     text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
     return {normal(name): version for name, version in LOCKED.findall(text)}
@@ -43,15 +43,17 @@ def test_every_place_that_names_the_version_names_the_same() -> None:
 @pytest.mark.parametrize("dependency", PROJECT["dependencies"])
 def test_the_lock_file_fulfils_each_dependency(dependency: str) -> None:
     wanted = Requirement(dependency)
-    assert locked()[normal(wanted.name)] in wanted.specifier
+    assert locked_versions()[normal(wanted.name)] in wanted.specifier
 
 
 def test_the_lock_file_has_the_versions_that_are_tested_and_names_no_machine() -> None:
     text = (ROOT / "constraints.txt").read_text(encoding="utf-8")
     lines = [line.split("==") for line in text.splitlines() if "==" in line]
     tested = {normal(name): version for name, version in lines}
-    assert len(locked()) > 30
-    assert {name for name, version in locked().items() if tested.get(name, version) != version} == set()
+    assert len(locked_versions()) > 30
+    assert {
+        name for name, version in locked_versions().items() if tested.get(name, version) != version
+    } == set()
     assert "file:" not in (ROOT / "requirements.lock").read_text(encoding="utf-8")
 
 

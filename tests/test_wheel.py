@@ -7,7 +7,7 @@ import cv2
 import pytest
 from drawn_road_rig import road
 from page_rig import console_blocks
-from wheel_rig import Installation, built, installed
+from wheel_rig import Installation, build_wheel, install_package
 
 from trepid.clothoid import Lane
 
@@ -16,12 +16,12 @@ pytestmark = pytest.mark.wheel
 
 @pytest.fixture(scope="module")
 def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    return built(tmp_path_factory.mktemp("dist"))
+    return build_wheel(tmp_path_factory.mktemp("dist"))
 
 
 @pytest.fixture(scope="module")
 def wheel(packages: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Installation:
-    return installed(packages["wheel"], tmp_path_factory.mktemp("wheel"))
+    return install_package(packages["wheel"], tmp_path_factory.mktemp("wheel"))
 
 
 def test_the_list_of_verbs_is_printed(wheel: Installation) -> None:
@@ -97,7 +97,7 @@ def test_the_commands_of_the_first_fifteen_minutes_run_in_their_order(wheel: Ins
 def test_the_sdist_contains_the_same_files(
     packages: dict[str, Path], wheel: Installation, tmp_path: Path
 ) -> None:
-    sdist = installed(packages["sdist"], tmp_path)
+    sdist = install_package(packages["sdist"], tmp_path)
 
     def names(installation: Installation) -> set[str]:
         files = {Path(file).relative_to(installation.environment) for file in installation.files()}

@@ -86,7 +86,7 @@ def launcher(register: None) -> Iterator[list[Diagnostic]]:
 
 
 @pytest.fixture
-def secured(register: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def secured_car(register: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A car with keys of its launcher and of observers."""
     monkeypatch.setenv(CAR, "")
     folder = tmp_path / "mycar"
@@ -144,8 +144,10 @@ def test_a_launcher_that_does_not_report_is_named(
         CliRunner().invoke(app, ["status"], standalone_mode=False, catch_exceptions=False)
 
 
-def test_a_drive_with_keys_is_shown_to_an_observer(secured: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with reporting(secured) as reports:
+def test_a_drive_with_keys_is_shown_to_an_observer(
+    secured_car: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with reporting(secured_car) as reports:
         assert running()[0].endpoint.startswith("tls/")
         reports.append(report(WELL))
         monkeypatch.setenv(CAR, "")  # status finds the keys by the register
@@ -156,9 +158,9 @@ def test_a_drive_with_keys_is_shown_to_an_observer(secured: Path, monkeypatch: p
 
 @pytest.mark.parametrize("mode", [None, 0o644])
 def test_without_a_private_key_of_the_observer_one_line_gives_the_remedy(
-    secured: Path, mode: int | None
+    secured_car: Path, mode: int | None
 ) -> None:
-    key = secured / "keys" / "observer.key"
+    key = secured_car / "keys" / "observer.key"
     if mode is None:
         key.unlink()
     else:
@@ -166,19 +168,19 @@ def test_without_a_private_key_of_the_observer_one_line_gives_the_remedy(
     remedy = (
         "`trepid keys create .* --process observer` makes it" if mode is None else f"run `chmod 600 {key}`"
     )
-    with reporting(secured), pytest.raises(InputError, match=remedy):
+    with reporting(secured_car), pytest.raises(InputError, match=remedy):
         CliRunner().invoke(app, ["status"], standalone_mode=False, catch_exceptions=False)
 
 
 def test_a_certificate_of_another_authority_hears_nothing(
-    secured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    secured_car: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("cockpit.attach.PATIENCE_S", 1.0)
     create(tmp_path / "foreign", [OBSERVER])
-    with reporting(secured) as reports:
+    with reporting(secured_car) as reports:
         reports.append(report(WELL))
         for suffix in ("key", "crt"):
-            shutil.copy(tmp_path / "foreign" / f"observer.{suffix}", secured / "keys")
+            shutil.copy(tmp_path / "foreign" / f"observer.{suffix}", secured_car / "keys")
         with pytest.raises(InputError):
             CliRunner().invoke(app, ["status"], standalone_mode=False, catch_exceptions=False)
 

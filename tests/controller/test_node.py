@@ -12,7 +12,7 @@ from trepid.messages import Command
 from trepid.topics import COMMAND, DECISION, LOSSES, VEHICLE_STATE
 
 
-def commanded(broken: str | None) -> Command:
+def last_command(broken: str | None) -> Command:
     """The last of some commands when the newest message on the key ``broken`` is malformed from the first on."""
     now_s, sent = 0.0, list[Command]()
     inputs: dict[str, Any] = {
@@ -42,4 +42,4 @@ def commanded(broken: str | None) -> Command:
 
 @pytest.mark.parametrize("broken", [None, DECISION.key, VEHICLE_STATE.key])
 def test_a_malformed_decision_or_state_brakes(broken: str | None) -> None:
-    assert (commanded(broken).speed_mps > 0.0) is (broken is None)
+    assert (last_command(broken).speed_mps > 0.0) is (broken is None)

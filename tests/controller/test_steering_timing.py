@@ -18,7 +18,9 @@ def weave(t_s, slope=1.0):
     return slope * 0.02 * math.sin(1.5 * t_s)
 
 
-def learned(real, seconds=6.0, share=0.6, noise_rad=0.0, sensor_rad=0.0, angle=weave, driver=False, seed=0):
+def learn_late_s(
+    real, seconds=6.0, share=0.6, noise_rad=0.0, sensor_rad=0.0, angle=weave, driver=False, seed=0
+):
     """θ after ``seconds`` of commands at 50 Hz and angles at 100 Hz."""
     timing = SteeringTiming(ASSUMED, delay_s=ASSUMED.steering_delay_s, share=share)
     car, demanded = Car(real, speed_mps=10.0), 0.0
@@ -35,49 +37,49 @@ def learned(real, seconds=6.0, share=0.6, noise_rad=0.0, sensor_rad=0.0, angle=w
 
 
 def test_a_steering_as_in_the_vehicle_file_has_no_extra_delay():
-    assert learned(ASSUMED) == pytest.approx(0.0, abs=0.002)
+    assert learn_late_s(ASSUMED) == pytest.approx(0.0, abs=0.002)
 
 
 @settings(max_examples=10, deadline=None)
 @given(st.floats(-0.08, 0.08), st.floats(-0.03, 0.03))
 def test_the_sum_of_the_extra_dead_time_and_lag_is_learned(delay_s, lag_s):
     real = vehicle(steering_delay_s=0.1 + delay_s, steering_lag_s=0.1 + lag_s)
-    assert learned(real) == pytest.approx(delay_s + lag_s, abs=0.012)
+    assert learn_late_s(real) == pytest.approx(delay_s + lag_s, abs=0.012)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_and_an_offset_of_the_sensor_change_the_estimate_little(seed):
     real = vehicle(steering_delay_s=0.15, steering_lag_s=0.1)
-    late_s = learned(real, noise_rad=0.0005, sensor_rad=0.01, seed=seed)
+    late_s = learn_late_s(real, noise_rad=0.0005, sensor_rad=0.01, seed=seed)
     assert late_s == pytest.approx(0.05, abs=0.015)
 
 
 def test_the_delay_is_learned_within_a_second_of_the_first_bend():
     real = vehicle(steering_delay_s=0.15, steering_lag_s=0.1)
-    assert learned(real, seconds=3.0, angle=lambda t_s: 0.006 * max(0.0, t_s - 2.0)) == pytest.approx(
+    assert learn_late_s(real, seconds=3.0, angle=lambda t_s: 0.006 * max(0.0, t_s - 2.0)) == pytest.approx(
         0.05, abs=0.015
     )
 
 
 def test_the_estimate_stays_within_its_share():
-    assert learned(vehicle(steering_delay_s=0.5), share=0.4) == pytest.approx(0.4 * 0.2)
-    assert learned(vehicle(steering_delay_s=0.5), share=0.0) == 0.0
+    assert learn_late_s(vehicle(steering_delay_s=0.5), share=0.4) == pytest.approx(0.4 * 0.2)
+    assert learn_late_s(vehicle(steering_delay_s=0.5), share=0.0) == 0.0
 
 
 def test_the_mirrored_drive_gives_the_same_estimate():
     real = vehicle(steering_delay_s=0.15)
-    assert learned(real) == learned(real, angle=lambda t_s: weave(t_s, -1.0))
+    assert learn_late_s(real) == learn_late_s(real, angle=lambda t_s: weave(t_s, -1.0))
 
 
 def test_a_straight_road_and_a_driver_leave_the_estimate_at_zero():
     real = vehicle(steering_delay_s=0.15)
-    assert learned(real, angle=lambda _: 0.0) == 0.0
-    assert learned(real, driver=True) == 0.0
+    assert learn_late_s(real, angle=lambda _: 0.0) == 0.0
+    assert learn_late_s(real, driver=True) == 0.0
 
 
 def test_a_straight_road_keeps_the_estimate():
     real = vehicle(steering_delay_s=0.15)
-    then_straight = learned(real, seconds=120.0, angle=lambda t_s: weave(t_s) if t_s < 6.0 else 0.0)
+    then_straight = learn_late_s(real, seconds=120.0, angle=lambda t_s: weave(t_s) if t_s < 6.0 else 0.0)
     assert then_straight == pytest.approx(0.05, abs=0.02)
 
 

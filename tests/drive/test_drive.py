@@ -117,7 +117,7 @@ def test_a_short_drive_keeps_the_lane_with_every_process_alive() -> None:
     assert row["latency_ms"]["frame_to_command"]["p50"] > 0
 
 
-def harmed(harm: signal.Signals, name: str) -> tuple[int, int, dict]:
+def drive_with_harm(harm: signal.Signals, name: str) -> tuple[int, int, dict]:
     """A drive of which one process is harmed: that process's id, the exit code and the row of the drive."""
     drive = driving(2.0, *SHORT_ROAD)
     pids = drive.pids()
@@ -131,7 +131,7 @@ def harmed(harm: signal.Signals, name: str) -> tuple[int, int, dict]:
     "name", ["vehicle", "camera", "cv", "cnn", "supervisor", pytest.param("controller", marks=SMOKE)]
 )
 def test_the_car_stops_when_a_process_is_killed(name: str) -> None:
-    pid, returncode, row = harmed(signal.SIGKILL, name)
+    pid, returncode, row = drive_with_harm(signal.SIGKILL, name)
     assert returncode == 1
     (killed,) = [why for why in row["reasons"] if "killed" in why]
     assert killed.startswith(f"process {name} (pid {pid}) was killed by SIGKILL")
@@ -143,7 +143,7 @@ def test_the_car_stops_when_a_process_is_killed(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["cv", "supervisor"])
 def test_the_car_stops_when_a_process_freezes(name: str) -> None:
-    _, returncode, row = harmed(signal.SIGSTOP, name)
+    _, returncode, row = drive_with_harm(signal.SIGSTOP, name)
     assert returncode == 1
     assert any(f"process {name} was silent" in why for why in row["reasons"])
     assert row["departures"] == row["interventions"] == 0

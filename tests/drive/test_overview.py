@@ -20,7 +20,7 @@ def manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.
         yield listening
 
 
-def received(manager: socket.socket) -> list[str]:
+def receive(manager: socket.socket) -> list[str]:
     texts = []
     while True:
         try:
@@ -36,7 +36,7 @@ def test_readiness_changes_of_state_and_the_end_are_reported_once(manager: socke
     notifier.ready()
     notifier.status("driving")
     notifier.stopping()
-    assert received(manager) == ["STATUS=waiting for camera", "READY=1", "STATUS=driving", "STOPPING=1"]
+    assert receive(manager) == ["STATUS=waiting for camera", "READY=1", "STATUS=driving", "STOPPING=1"]
 
 
 def test_the_watchdog_is_fed_twice_in_its_time(
@@ -49,13 +49,13 @@ def test_the_watchdog_is_fed_twice_in_its_time(
     for step_s in (0.0, 1.0, 0.9, 0.2):  # at 0, 1, 1.9 and 2.1 s
         now_s[0] += step_s
         notifier.alive()
-    assert received(manager) == ["WATCHDOG=1", "WATCHDOG=1"]
+    assert receive(manager) == ["WATCHDOG=1", "WATCHDOG=1"]
 
 
 def test_without_a_watchdog_none_is_fed(manager: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("WATCHDOG_USEC", raising=False)
     Notifier().alive()
-    assert received(manager) == []
+    assert receive(manager) == []
 
 
 def test_without_systemd_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:

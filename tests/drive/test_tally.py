@@ -22,7 +22,7 @@ def test_a_drive_of_a_real_car_has_the_fields_of_a_simulated_one_in_their_order(
     assert [*Tally().row()] == [*(field.name for field in fields(Metrics)), "realtime_factor", "trace_sha256"]
 
 
-def tallied(*steps: tuple[VehicleState, Decision | None]) -> dict[str, Any]:
+def tally_drive(*steps: tuple[VehicleState, Decision | None]) -> dict[str, Any]:
     """Row and notes of a drive with a state every half second."""
     tally = Tally()
     for n, (state, newest) in enumerate(steps):
@@ -41,13 +41,13 @@ def tallied(*steps: tuple[VehicleState, Decision | None]) -> dict[str, Any]:
 def test_a_person_who_ends_the_driving_counts_once_as_an_intervention_of_six_seconds(
     person: VehicleState, note: str
 ) -> None:
-    row = tallied(*[(STATE, KEEP)] * 40, *[(person, STARTING)] * 81)
+    row = tally_drive(*[(STATE, KEEP)] * 40, *[(person, STARTING)] * 81)
     assert (row["interventions"], row["notes"]) == (1, (note,))
     assert row["autonomy_percent"] == pytest.approx(100 * (1 - 6 / 60))
 
 
 def test_a_person_who_has_the_car_before_it_drives_by_itself_does_not_count() -> None:
-    row = tallied(*[(replace(STATE, driver_override=True), STARTING)] * 9, *[(STATE, KEEP)] * 9)
+    row = tally_drive(*[(replace(STATE, driver_override=True), STARTING)] * 9, *[(STATE, KEEP)] * 9)
     assert (row["interventions"], row["notes"]) == (0, ())
 
 
@@ -65,12 +65,12 @@ def test_a_person_who_has_the_car_before_it_drives_by_itself_does_not_count() ->
 def test_a_drive_passes_only_where_the_car_moved_by_itself(
     steps: list[tuple[VehicleState, Decision | None]], status: str
 ) -> None:
-    row = tallied(*steps)
+    row = tally_drive(*steps)
     assert row["status"] == status
     assert (row["autonomy_percent"] is None) == (status == "not driven")
 
 
 def test_the_row_names_the_cause_of_the_last_stop_but_not_the_start() -> None:
-    assert tallied(*[(STATE, STARTING)] * 3)["stop_cause"] == "starting"
-    assert tallied(*[(STATE, STARTING)] * 3, *[(STATE, KEEP)] * 3)["stop_cause"] is None
-    assert tallied(*[(STATE, KEEP)] * 3, *[(STATE, DARK)] * 3, (STATE, KEEP))["stop_cause"] == "dark"
+    assert tally_drive(*[(STATE, STARTING)] * 3)["stop_cause"] == "starting"
+    assert tally_drive(*[(STATE, STARTING)] * 3, *[(STATE, KEEP)] * 3)["stop_cause"] is None
+    assert tally_drive(*[(STATE, KEEP)] * 3, *[(STATE, DARK)] * 3, (STATE, KEEP))["stop_cause"] == "dark"

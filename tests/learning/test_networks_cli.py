@@ -21,7 +21,7 @@ fetch: {{address: "{address}", sha256: "{sha256}"}}
 
 
 @pytest.fixture
-def published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def published_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A car with a description of the network `colours`, whose publisher is a file of this machine."""
     network = write_network(tmp_path / "published.onnx")
     (tmp_path / "car" / "networks").mkdir(parents=True)
@@ -41,22 +41,24 @@ def run(*words: str) -> str:
     return found.output
 
 
-def test_a_fetched_network_has_the_bytes_of_its_publisher(published: Path) -> None:
+def test_a_fetched_network_has_the_bytes_of_its_publisher(published_network: Path) -> None:
     assert "file     not fetched" in run("list").split("twinlitenet")[0]
     said = run("fetch", "colours")
-    assert fetched_file("colours").read_bytes() == published.read_bytes()
-    assert published.as_uri() in said and "licence: MIT" in said and "sha256 " in said
+    assert fetched_file("colours").read_bytes() == published_network.read_bytes()
+    assert published_network.as_uri() in said and "licence: MIT" in said and "sha256 " in said
     assert str(fetched_file("colours")) in run("list")
 
 
-def test_other_bytes_of_the_publisher_are_refused_and_leave_no_file(published: Path) -> None:
-    published.write_bytes(published.read_bytes() + b"x")
+def test_other_bytes_of_the_publisher_are_refused_and_leave_no_file(published_network: Path) -> None:
+    published_network.write_bytes(published_network.read_bytes() + b"x")
     with pytest.raises(InputError, match=r"its SHA-256 is \w+, expected "):
         run("fetch", "colours")
     assert not fetched_file("colours").exists()
 
 
-def test_a_copy_of_the_user_counts_where_it_is_the_described_network(published: Path, tmp_path: Path) -> None:
+def test_a_copy_of_the_user_counts_where_it_is_the_described_network(
+    published_network: Path, tmp_path: Path
+) -> None:
     run("fetch", "colours", "--file", str(write_network(tmp_path / "own.onnx", bias=0.5)))
     assert fetched_file("colours").read_bytes() == (tmp_path / "own.onnx").read_bytes()
 
@@ -71,7 +73,7 @@ def test_a_copy_of_the_user_counts_where_it_is_the_described_network(published: 
     ],
 )
 def test_another_copy_is_one_line_and_leaves_no_file(
-    published: Path, tmp_path: Path, name: str, content: bytes | None, problem: str
+    published_network: Path, tmp_path: Path, name: str, content: bytes | None, problem: str
 ) -> None:
     if content is not None:
         (tmp_path / name).write_bytes(content)
@@ -85,8 +87,8 @@ def test_an_unknown_name_is_answered_with_the_nearest_one() -> None:
         run("fetch", "twinlite")
 
 
-def test_a_network_without_an_address_takes_a_file_alone(published: Path) -> None:
-    description = published.parent / "car" / "networks" / "colours.yaml"
+def test_a_network_without_an_address_takes_a_file_alone(published_network: Path) -> None:
+    description = published_network.parent / "car" / "networks" / "colours.yaml"
     description.write_text(description.read_text().split("fetch:")[0])
     with pytest.raises(InputError, match=r"names no address; `--file F\.onnx` takes a file"):
         run("fetch", "colours")

@@ -11,7 +11,7 @@ from trepid.config import ROOT
 FOLDER = ROOT / "examples" / "add_on"
 
 
-def installed(place: Path) -> Path:
+def install_add_on(place: Path) -> Path:
     """The folder in ``place`` that the package was installed into, by pip and from a copy of its source."""
     shutil.copytree(FOLDER, place / "source")
     site = place / "site"

@@ -23,7 +23,7 @@ RATIO = VEHICLE.steering_ratio
 _channels = itertools.count()
 
 
-def copied(folder: Path, **changes: str) -> Path:
+def copy_map(folder: Path, **changes: str) -> Path:
     """The map of the shuttle in ``folder``, beside its DBC, with each key of ``changes`` replaced by its value."""
     shutil.copy(FOLDER / "shuttle.dbc", folder)
     text = (FOLDER / "map.yaml").read_text()
@@ -49,12 +49,12 @@ def state(angle_rad=0.0, speed_mps=0.0, yaw_rate_radps=0.0, *, override=False, t
     )
 
 
-def reported(state):
+def report_quantities(state):
     """The quantities of ``state`` for the senders of reports."""
     return of_state(state, steering_ratio=RATIO)
 
 
-def commanded(command):
+def command_quantities(command):
     """The quantities of ``command`` for the senders of commands."""
     return of_command(command, engaged=command.t_s is not None, steering_ratio=RATIO)
 
@@ -68,7 +68,7 @@ class OneBus:
         settings = CanSettings(interface="virtual", channel=channel, map=map_file)
         self.actuator = CanActuator(settings, Car(VEHICLE, None, lambda: 0.0))
 
-    def sent(self):
+    def drain_frames(self):
         """The frames that the actuator has sent since the last call."""
         return list(iter(lambda: self.end.recv(timeout=0.0), None))
 
@@ -79,7 +79,7 @@ class OneBus:
     def report(self, state, senders):
         """The frames of ``state`` from the car."""
         for sender in senders:
-            self.put(sender.address, sender.frame(reported(state)))
+            self.put(sender.address, sender.frame(report_quantities(state)))
 
     def close(self):
         with suppress(OSError):  # a test may have closed it

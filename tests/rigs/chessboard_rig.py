@@ -20,7 +20,7 @@ POSES = [
 ]
 
 
-def drawn(turn: tuple[float, float, float], place: tuple[float, float, float]) -> np.ndarray:
+def draw_board(turn: tuple[float, float, float], place: tuple[float, float, float]) -> np.ndarray:
     """The board at a pose, through the lens, oversampled by ``FINER``."""
     width, height = SIZE_PX
     u, v = np.meshgrid(np.arange(FINER * width), np.arange(FINER * height))

@@ -39,7 +39,7 @@ def lines_of_code(text: str) -> int:
     return len(code - docs)
 
 
-def loaded(statements: str, environment: Mapping[str, str]) -> dict[str, int]:
+def loaded_modules(statements: str, environment: Mapping[str, str]) -> dict[str, int]:
     """The modules of the project that a process holds after ``statements``, and their lines of code."""
     done = subprocess.run(
         [sys.executable, "-c", f"{statements}\n{LISTS}"],

@@ -29,7 +29,7 @@ def scenario_file(
     return path
 
 
-def driven(folder: Path, *, curvature_1pm: float, unlike: float = 0.5) -> tuple[Path, Result]:
+def drive_straight(folder: Path, *, curvature_1pm: float, unlike: float = 0.5) -> tuple[Path, Result]:
     """The recording and the result of a drive of a network that always steers straight."""
     network = write_network(folder / "ahead.onnx", gain_rad=0.0, unlike=unlike)
     scenario = scenario_for(

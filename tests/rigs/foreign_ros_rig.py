@@ -33,7 +33,7 @@ def image(data: np.ndarray, encoding: str, *, stamp_ns: int = 0, padding: int = 
     return bytes(STORE.serialize_cdr(message, message.__msgtype__))
 
 
-def compressed(picture: np.ndarray, suffix: str = ".jpg", *, stamp_ns: int = 0) -> bytes:
+def compressed_image(picture: np.ndarray, suffix: str = ".jpg", *, stamp_ns: int = 0) -> bytes:
     """A ``sensor_msgs/CompressedImage``."""
     return compressed_bytes(cv2.imencode(suffix, picture)[1].tobytes(), suffix, stamp_ns=stamp_ns)
 

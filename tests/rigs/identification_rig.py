@@ -100,7 +100,7 @@ def check_recovered(deg_per_g, offset, delay, lag, ratio, zero, build=Car):
     assert found.get("steering_ratio") == (None if ratio is None else truth(ratio, rel=0.05))
 
 
-def learned(log, learner=None):
+def learn_from(log, learner=None):
     """A learner stepped with every other state of ``log``, as in a controller at 50 Hz."""
     one = learner or SteeringLearner(vehicle(max_road_wheel_rate_radps=3.0), SETTINGS.learning)
     for t, v, angle, rate in zip(log.t_s, log.speed_mps, log.angle_rad, log.yaw_rate_radps, strict=True):
@@ -114,7 +114,7 @@ def check_learned(deg_per_g, offset_rad, build=Car):
     """Learn a car while it weaves; understeer and offset must be those of truth and identification."""
     gradient = deg_per_g * PER_DEG_PER_G
     log = drive(build=build, offset_rad=offset_rad, understeer_gradient_rad_per_mps2=gradient)
-    one = learned(log)
+    one = learn_from(log)
     of_log = identify_understeer(log, vehicle(max_road_wheel_rate_radps=3.0)).parameters
     assert one.understeer == pytest.approx(gradient, rel=0.05)
     assert one.offset_rad == pytest.approx(offset_rad, abs=5e-4)

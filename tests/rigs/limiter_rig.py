@@ -55,7 +55,7 @@ def state(now_s=0.0, **changes) -> VehicleState:
     return message_rig.state(now_s, **(dict(yaw_rate_radps=None) | changes))
 
 
-def seen(**changes) -> SeenState:
+def seen_state(**changes) -> SeenState:
     """A plausible state: straight on at 5 m/s, with changes."""
     calm = dict(speed_mps=5.0, wheel_rad=0.0, driver=False, torque_nm=None, yaw_rate_radps=None)
     return SeenState(**(calm | changes))

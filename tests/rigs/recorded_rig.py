@@ -7,7 +7,7 @@ from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import Scenario
 
 
-def recorded(
+def record_drive(
     path: Path, scenario: Scenario, *, seed: int = 0, raw_images: bool = False, trace: Path | None = None
 ) -> Path:
     """Drive ``scenario`` and record it at ``path``; ``trace``: where its trace is saved too."""

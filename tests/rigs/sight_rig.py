@@ -113,7 +113,7 @@ def lit(light_at_m: float, *, noise_grey: float, camera: Camera = CAMERA, seed: 
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def seen_in(
+def sight_in(
     image: np.ndarray, *, camera: Camera = CAMERA, lane: SteeringEstimate | None = None
 ) -> Sight | None:
     """The sight in ``image`` as the first frame."""

@@ -25,7 +25,7 @@ def paint(lane=LANE, width_m=3.4, reach_m=20.0, **how):
     return mask
 
 
-def grown(mask, pixels=2):
+def grow(mask, pixels=2):
     return cv2.dilate(mask.astype(np.uint8), np.ones((2 * pixels + 1,) * 2, np.uint8)) > 0
 
 
@@ -35,7 +35,7 @@ def recall(response, truth):
     for half in (slice(0, CAMERA.width_px // 2), slice(CAMERA.width_px // 2, None)):
         rows = truth[:, half].any(axis=1)
         total += rows.sum()
-        found += (rows & (grown(truth)[:, half] & (response[:, half] > 0)).any(axis=1)).sum()
+        found += (rows & (grow(truth)[:, half] & (response[:, half] > 0)).any(axis=1)).sum()
     return found / total
 
 
@@ -43,7 +43,7 @@ def precision(response, truth, reach_m=20.0):
     """Share of the responses up to ``reach_m`` that lie on true paint."""
     near = np.where(np.isfinite(VIEW.ahead_m) & (VIEW.ahead_m <= reach_m), True, False)
     high = (response > 0) & near[:, None]
-    return (high & grown(truth)).sum() / max(high.sum(), 1)
+    return (high & grow(truth)).sum() / max(high.sum(), 1)
 
 
 def f1(response, truth):

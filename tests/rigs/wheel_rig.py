@@ -13,7 +13,7 @@ from trepid.config import ROOT
 OFFLINE = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check", "--quiet"]
 
 
-def built(place: Path) -> dict[str, Path]:
+def build_wheel(place: Path) -> dict[str, Path]:
     """The files ``wheel`` and ``sdist`` in ``place``."""
     run(sys.executable, "-m", "hatchling", "build", "-d", str(place), cwd=ROOT)
     (wheel,), (sdist,) = place.glob("*.whl"), place.glob("*.tar.gz")
@@ -49,7 +49,7 @@ class Installation(NamedTuple):
         }
 
 
-def installed(package: Path, place: Path) -> Installation:
+def install_package(package: Path, place: Path) -> Installation:
     """``package`` in a new environment, whose libraries are those of this one: no download is needed."""
     environment, work = place / "environment", place / "empty"
     work.mkdir()

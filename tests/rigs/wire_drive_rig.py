@@ -80,7 +80,7 @@ class WireDrive:
         assert "Traceback" not in err
         return self.popen.returncode, json.loads(out), [float(at) for at in STATION.findall(err)]
 
-    def refused(self):
+    def read_refusal(self):
         """The lines on standard error of a drive that does not start."""
         out, err = self.popen.communicate(timeout=40)
         assert (self.popen.returncode, out) == (2, "")

@@ -16,7 +16,7 @@ SHORT: dict[str, object] = {"duration_s": 2, "sight": "truth"}
 WORDS = ["--set", "duration_s=2", "--set", "sight=truth"]
 
 
-def printed(
+def json_lines(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str
 ) -> list[dict[str, Any]]:
     """The JSON lines of a command."""
@@ -34,7 +34,7 @@ def test_a_run_is_that_of_the_command_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     result = trepid.run("straight", seed=1, settings=SHORT)
-    (row,) = printed(capsys, monkeypatch, "sim", "run", "straight", "--seed", "1", *WORDS)
+    (row,) = json_lines(capsys, monkeypatch, "sim", "run", "straight", "--seed", "1", *WORDS)
     assert same(result.row(), row)
     assert len(result.trace["t_s"]) == len(result.trace)
     again = trepid.run(load_scenario("straight", {"duration_s": "2", "sight": "truth"}), seed=1)
@@ -46,7 +46,7 @@ def test_a_sweep_has_the_rows_of_the_command_line_and_stores_them(
 ) -> None:
     report, out = tmp_path / "runs.html", tmp_path / "runs.jsonl"
     rows = trepid.sweep(["straight", "s_curve"], seeds=2, settings=SHORT, out=out, report=report)
-    shown = printed(capsys, monkeypatch, "sim", "run", "straight", "s_curve", "--seeds", "2", *WORDS)
+    shown = json_lines(capsys, monkeypatch, "sim", "run", "straight", "s_curve", "--seeds", "2", *WORDS)
     assert len(rows) == 4 and all(map(same, rows, shown))
     assert len(out.read_text().splitlines()) == 4 and "s_curve" in report.read_text()
     again = trepid.sweep(["straight", "s_curve"], seeds=2, settings=SHORT, out=out, resume=True)
@@ -60,42 +60,42 @@ def test_a_sample_draws_the_cases_of_the_command_line(
 ) -> None:
     rows = trepid.sweep("cut_in", sample="lhs", cases=2, seed=5, settings=SHORT)
     words = ["sim", "run", "cut_in", "--sample", "lhs", "--cases", "2", "--seed", "5", *WORDS]
-    assert all(map(same, rows, printed(capsys, monkeypatch, *words)))
+    assert all(map(same, rows, json_lines(capsys, monkeypatch, *words)))
     with pytest.raises(trepid.InputError, match="sample 'cube': expected grid, random, lhs"):
         trepid.sweep("cut_in", sample="cube")
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
     trepid.run("straight", settings={"duration_s": 3}, record=path)
     return path
 
 
 def test_a_recording_of_a_run_is_estimated_rated_and_explained(
-    recorded: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    recorded_drive: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lanes = list(trepid.estimate(recorded))
-    shown = printed(capsys, monkeypatch, "estimate", str(recorded))
+    lanes = list(trepid.estimate(recorded_drive))
+    shown = json_lines(capsys, monkeypatch, "estimate", str(recorded_drive))
     assert [one.result.lateral_offset_m for one in lanes] == [row["lateral_offset_m"] for row in shown]
-    rated = list(trepid.rate(recorded))
-    shown = printed(capsys, monkeypatch, "estimate", "--fear", str(recorded))
+    rated = list(trepid.rate(recorded_drive))
+    shown = json_lines(capsys, monkeypatch, "estimate", "--fear", str(recorded_drive))
     assert [one.result.decision.fear for one in rated] == [row["fear"] for row in shown]
-    drive = trepid.open_recording(recorded)
+    drive = trepid.open_recording(recorded_drive)
     table = drive.table(rate_hz=10)
     assert len(table["fear"]) > 25 and set(drive.estimators) == {"cnn", "cv"}
-    assert drive.explain(1.0)["at_s"] == 1.0 == trepid.explain(recorded, at_s=1.0)["at_s"]
+    assert drive.explain(1.0)["at_s"] == 1.0 == trepid.explain(recorded_drive, at_s=1.0)["at_s"]
     assert drive.slow_downs() == []
     with pytest.raises(trepid.InputError, match="at_s 99"):
         drive.explain(99.0)
     with pytest.raises(trepid.InputError, match="exists already"):
-        trepid.run("straight", settings=SHORT, record=recorded)
+        trepid.run("straight", settings=SHORT, record=recorded_drive)
 
 
 def test_a_rule_file_is_explained_as_by_the_command_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (row,) = printed(capsys, monkeypatch, "fear", "explain", "config/fear.yaml", "speed=8", "time_gap=nan")
+    (row,) = json_lines(capsys, monkeypatch, "fear", "explain", "config/fear.yaml", "speed=8", "time_gap=nan")
     assert trepid.explain("config/fear.yaml", {"speed": 8, "time_gap": None}) == row
     with pytest.raises(trepid.InputError, match="unknown input 'sped'"):
         trepid.explain("config/fear.yaml", {"sped": 8})
@@ -104,8 +104,8 @@ def test_a_rule_file_is_explained_as_by_the_command_line(
             trepid.explain(source, at_s=1.0)
 
 
-def test_an_unreadable_image_of_a_folder_is_refused_or_left_out(tmp_path: Path, recorded: Path) -> None:
-    image = next(trepid.estimate(recorded)).image
+def test_an_unreadable_image_of_a_folder_is_refused_or_left_out(tmp_path: Path, recorded_drive: Path) -> None:
+    image = next(trepid.estimate(recorded_drive)).image
     cv2.imwrite(str(tmp_path / "a.png"), image)
     (tmp_path / "b.png").write_bytes(b"no image")
     with pytest.raises(trepid.InputError, match=r"b\.png"):

@@ -30,7 +30,7 @@ STRAIGHT = replace(
 )
 
 
-def driven(
+def drive_steadily(
     estimates: Mapping[str, SteeringEstimate], *, supervisor: Supervisor | None = None, speed_mps: float = 0.0
 ) -> Decision:
     """The decision after three seconds at ``speed_mps`` in which the estimates stay as they are."""
@@ -59,14 +59,16 @@ def pursuit_1pm(decision: Decision, ahead_m: float = 8.0) -> float:
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_single_angle_is_driven_unchanged(side: int) -> None:
     assert ANGLE.road_wheel_angle_rad is not None
-    decision = driven({"rule": replace(ANGLE, road_wheel_angle_rad=side * ANGLE.road_wheel_angle_rad)})
+    decision = drive_steadily(
+        {"rule": replace(ANGLE, road_wheel_angle_rad=side * ANGLE.road_wheel_angle_rad)}
+    )
     assert decision.mode is Mode.CAUTION
     assert decision.path_source == "rule"
     assert decision.curvature_1pm == pytest.approx(side * CURVATURE_1PM)
 
 
 def test_an_angle_and_a_lane_lead_to_a_path_between_them() -> None:
-    decision = driven({"rule": ANGLE, "cv": STRAIGHT})
+    decision = drive_steadily({"rule": ANGLE, "cv": STRAIGHT})
     assert decision.path_source == "rule+cv"
     assert 0.05 * CURVATURE_1PM < pursuit_1pm(decision) < 0.9 * CURVATURE_1PM
     assert decision.lateral_offset_m == pytest.approx(0.0, abs=1e-6), "an angle does not measure the offset"
@@ -75,20 +77,20 @@ def test_an_angle_and_a_lane_lead_to_a_path_between_them() -> None:
 @pytest.mark.parametrize("other", ["cv", "cnn"])
 def test_an_angle_with_one_lane_estimator_neither_stops_nor_slows_the_car(other: str) -> None:
     same = replace(ANGLE, road_wheel_angle_rad=0.0, confidence=0.95)
-    decision = driven({"rule": same, other: STRAIGHT})
+    decision = drive_steadily({"rule": same, other: STRAIGHT})
     assert decision.mode is not Mode.STOP
     assert decision.fear < 0.25, decision.rules
 
 
 def test_two_estimators_that_the_rules_do_not_name_are_rated_by_their_kind() -> None:
-    decision = driven({"one": STRAIGHT, "two": STRAIGHT})
+    decision = drive_steadily({"one": STRAIGHT, "two": STRAIGHT})
     assert decision.mode is not Mode.STOP
     assert decision.fear < 0.25, decision.rules
 
 
 @pytest.mark.parametrize("broken", [None, math.nan, math.inf, 3.0])
 def test_a_confident_estimate_without_a_possible_angle_is_broken(broken: float | None) -> None:
-    decision = driven({"rule": replace(ANGLE, road_wheel_angle_rad=broken), "cv": STRAIGHT})
+    decision = drive_steadily({"rule": replace(ANGLE, road_wheel_angle_rad=broken), "cv": STRAIGHT})
     assert (decision.mode, decision.fear) == (Mode.STOP, 1)
 
 
@@ -115,6 +117,6 @@ def test_opposite_angles_contradict_each_other() -> None:
     assert ANGLE.road_wheel_angle_rad is not None
     left = replace(ANGLE, road_wheel_angle_rad=0.15)
     right = replace(ANGLE, road_wheel_angle_rad=-0.15)
-    decision = driven({"one": left, "two": right}, speed_mps=8.0)
+    decision = drive_steadily({"one": left, "two": right}, speed_mps=8.0)
     assert len(decision.sources) < 2
     assert decision.disagreement_mps2 is not None and decision.disagreement_mps2 > 3.0

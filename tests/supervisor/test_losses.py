@@ -7,7 +7,7 @@ from supervisor_rig import SETTINGS, STATE, Drive
 from trepid.messages import Decision, Losses, Mode, Stop
 
 
-def decided(
+def decide(
     drive: Drive,
     *,
     stop: tuple[str, ...] = (),
@@ -24,14 +24,14 @@ def decided(
 
 
 def test_a_process_whose_loss_means_a_stop_stops_the_car_at_once_and_names_the_cause() -> None:
-    decision = decided(Drive.under_way(), stop=("horn",))
+    decision = decide(Drive.under_way(), stop=("horn",))
     assert (decision.mode, decision.stop, decision.cause) == (Mode.STOP, Stop.COMFORT, "lost_process")
     assert decision.speed_cap_mps == 0
 
 
 def test_a_process_whose_loss_means_slow_caps_the_speed_and_its_return_frees_it() -> None:
     drive = Drive.under_way()
-    slow = decided(drive, slow=("horn",))
+    slow = decide(drive, slow=("horn",))
     share = SETTINGS.lost_process_speed_factor
     assert (slow.mode, slow.speed_factor, slow.cause) == (Mode.KEEP, share, "lost_process")
     assert slow.speed_cap_mps == share * SETTINGS.cruise_speed_mps
@@ -42,7 +42,7 @@ def test_a_report_without_losses_changes_nothing() -> None:
     drive, other = Drive.under_way(), Drive.under_way()
     drive.frame()
     other.frame()
-    assert decided(drive) == decided(other, reported=False)
+    assert decide(drive) == decide(other, reported=False)
 
 
 AWAITED = Losses(t_s=0.0, stop=(), slow=(), awaited=("lead", "page"))

@@ -26,14 +26,14 @@ def person(x_m: float, y_m: float, *, y_mps: float = 0.0, kind: str = "person") 
     )
 
 
-def seen(road_users: RoadUsers | None, frames: int = 1) -> Decision:
+def decide_on_users(road_users: RoadUsers | None, frames: int = 1) -> Decision:
     """The last of some decisions of a car at 8 m/s that sees these road users."""
     return Drive.under_way().last(frames * FRAME_S, road_users=road_users)
 
 
 @pytest.mark.parametrize("kind", DETECTS)
 def test_one_in_the_way_far_ahead_slows_the_car_and_is_the_cause(kind: str) -> None:
-    decision = seen(person(24.0, 0.0, kind=kind))
+    decision = decide_on_users(person(24.0, 0.0, kind=kind))
     assert (decision.cause, decision.stop) == ("person", Stop.NONE)
     assert 5 < decision.speed_cap_mps < 8 and decision.road_user == kind
     assert decision.road_user_m == pytest.approx(24.0 - 2.2 - 8.0 * 0.03)
@@ -60,13 +60,17 @@ def test_the_car_waits_with_a_cause_and_drives_on_when_the_way_is_free() -> None
 
 
 def test_a_bystander_slows_the_car_and_does_not_stop_it() -> None:
-    decision = seen(person(6.0, -2.0), frames=50)
+    decision = decide_on_users(person(6.0, -2.0), frames=50)
     assert decision.speed_cap_mps >= S.passing_mps and decision.waits_for == ""
     assert decision.speed_cap_mps < 4 and decision.cause == "person"
 
 
 def test_people_far_from_the_lane_cost_nothing() -> None:
-    assert seen(person(20.0, 9.0)).speed_cap_mps == seen(NOBODY).speed_cap_mps == SETTINGS.cruise_speed_mps
+    assert (
+        decide_on_users(person(20.0, 9.0)).speed_cap_mps
+        == decide_on_users(NOBODY).speed_cap_mps
+        == SETTINGS.cruise_speed_mps
+    )
 
 
 def test_a_car_without_a_detector_of_people_decides_as_if_it_saw_none() -> None:
@@ -87,7 +91,7 @@ def test_a_detector_that_falls_silent_stops_the_car_for_good_and_is_the_cause() 
 
 @pytest.mark.parametrize("broken", [{"x_m": (float("nan"),)}, {"confidences": (2.0,)}, {"y_m": ()}])
 def test_a_broken_message_is_not_a_free_road(broken: dict[str, Any]) -> None:
-    assert seen(replace(person(30.0, 0.0), **broken)).fear == 1
+    assert decide_on_users(replace(person(30.0, 0.0), **broken)).fear == 1
 
 
 def test_a_driver_is_not_braked_for() -> None:

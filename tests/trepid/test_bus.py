@@ -235,12 +235,12 @@ def test_a_key_of_others_is_received_as_bytes_and_only_the_newest(buses: tuple[B
     newest = receiver.newest("0/front/image_raw/**")
     numbers = iter(range(10_000))
 
-    def arrived() -> bool:
+    def has_arrived() -> bool:
         for _ in range(3):
             sender._session.put("0/front/image_raw/type/hash", str(next(numbers)).encode())
         return receiver.wait(0.1)
 
-    assert until(arrived, patience_s=10.0)
+    assert until(has_arrived, patience_s=10.0)
     last = str(next(numbers) - 1).encode()
     taken: list[bytes] = []
 

@@ -27,7 +27,7 @@ from trepid.config import (
 VEHICLE = CONFIG_DIR / "vehicle.yaml"
 
 
-class Renamed(Settings):
+class RenamedSection(Settings):
     """A section of ``supervisor.yaml`` with a former name."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -150,7 +150,7 @@ def test_a_section_under_its_former_name_overrides_its_fields_alone(
     car: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = CONFIG_DIR / "supervisor.yaml"
-    default = load(settings, Renamed).validation
+    default = load(settings, RenamedSection).validation
     (car / "supervisor.yaml").write_text("sightings: {fresh_s: 0.2}\n")
-    assert load(settings, Renamed).validation == {**default, "fresh_s": 0.2}
+    assert load(settings, RenamedSection).validation == {**default, "fresh_s": 0.2}
     assert "the setting sightings is now validation" in capsys.readouterr().err

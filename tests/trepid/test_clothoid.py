@@ -29,7 +29,7 @@ def lane_at(
     return Lane(offset_m, heading_rad, curvature_1pm, curvature_rate_1pm2, lookahead_m)
 
 
-def mirrored(one: Lane) -> Lane:
+def mirror(one: Lane) -> Lane:
     return Lane(*(-value for value in one[:4]), one.lookahead_m)
 
 
@@ -50,8 +50,8 @@ def test_left_of_the_lane_or_turned_left_steers_right(e, psi):
 
 @given(lane=lanes, x=st.floats(1, 15))
 def test_the_mirrored_lane_gives_the_opposite_position_and_command(lane, x):
-    assert mirrored(lane).y_m(x) == -lane.y_m(x)
-    assert mirrored(lane).pursuit_curvature(x) == -lane.pursuit_curvature(x)
+    assert mirror(lane).y_m(x) == -lane.y_m(x)
+    assert mirror(lane).pursuit_curvature(x) == -lane.pursuit_curvature(x)
 
 
 @given(lane=lanes, ahead_m=st.floats(0, 60))
@@ -87,35 +87,35 @@ def test_a_lane_expressed_from_another_place_is_the_same_curve(lane, x, further)
     assert moved.y_m(further) == pytest.approx(lane.y_m(x + further) - 0.2, abs=1e-9)
 
 
-def driven(one, seconds, speed_mps, yaw_rate_radps, steps=1000):
+def drive_on(one, seconds, speed_mps, yaw_rate_radps, steps=1000):
     for _ in range(steps):
         one = Lane(*lane_after(one, seconds / steps, speed_mps, yaw_rate_radps))
     return one
 
 
 def test_driving_straight_across_a_straight_lane_is_trigonometry():
-    end = driven(lane_at(offset_m=0.2, heading_rad=0.1), 2.0, 5.0, 0.0)
+    end = drive_on(lane_at(offset_m=0.2, heading_rad=0.1), 2.0, 5.0, 0.0)
     assert end.offset_m == pytest.approx(0.2 + 10.0 * math.sin(0.1), abs=1e-9)
     assert end.heading_rad == 0.1
 
 
 def test_driving_the_concentric_circle_keeps_offset_and_heading():
     inside = lane_at(offset_m=1.0, curvature_1pm=1 / 15)
-    end = driven(inside, 2.0, 5.0, 5.0 / 14.0)
+    end = drive_on(inside, 2.0, 5.0, 5.0 / 14.0)
     assert end.offset_m == pytest.approx(1.0, abs=1e-9)
     assert end.heading_rad == pytest.approx(0.0, abs=1e-9)
 
 
 def test_driving_straight_past_a_circle_leaves_it_as_pythagoras_states():
-    end = driven(lane_at(curvature_1pm=1 / 15), 1.0, 6.0, 0.0)
+    end = drive_on(lane_at(curvature_1pm=1 / 15), 1.0, 6.0, 0.0)
     assert end.offset_m == pytest.approx(15.0 - math.hypot(15.0, 6.0), abs=1e-5)
     assert end.heading_rad == pytest.approx(-math.atan2(6.0, 15.0), abs=1e-5)
 
 
 def test_one_step_is_of_second_order():
     start = lane_at(0.3, 0.2, 0.05, 0.002)
-    exact = driven(start, 0.2, 8.0, 0.3, steps=4096)
-    errors = [abs(driven(start, 0.2, 8.0, 0.3, steps=n).offset_m - exact.offset_m) for n in (4, 8)]
+    exact = drive_on(start, 0.2, 8.0, 0.3, steps=4096)
+    errors = [abs(drive_on(start, 0.2, 8.0, 0.3, steps=n).offset_m - exact.offset_m) for n in (4, 8)]
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
 
 
@@ -123,7 +123,7 @@ def test_the_curvature_is_constant_beyond_the_look_ahead():
     clothoid = lane_at(curvature_rate_1pm2=0.01, lookahead_m=10.0)
     assert clothoid.curvature_at(5.0) == pytest.approx(0.05)
     assert clothoid.curvature_at(50.0) == pytest.approx(0.1)
-    end = driven(clothoid, 4.0, 5.0, 0.0)
+    end = drive_on(clothoid, 4.0, 5.0, 0.0)
     assert (end.curvature_rate_1pm2, end.lookahead_m) == (0.0, 0.0)
     assert end.curvature_1pm == pytest.approx(0.1, abs=2e-3)
 
@@ -132,7 +132,7 @@ def test_the_curvature_is_constant_beyond_the_look_ahead():
 def test_the_mirrored_lane_moves_as_the_mirror_image(offset, heading, curvature, rate, speed, yaw):
     one = lane_at(offset, heading, 0.1 * curvature, 0.01 * rate)
     left = Lane(*lane_after(one, 0.1, speed, yaw))
-    assert mirrored(left) == Lane(*lane_after(mirrored(one), 0.1, speed, -yaw))
+    assert mirror(left) == Lane(*lane_after(mirror(one), 0.1, speed, -yaw))
 
 
 @pytest.mark.parametrize("yaw_rate_radps", [-0.3, 0.0, 0.4])

@@ -31,7 +31,7 @@ def verbs(name: str, command: Any) -> Iterator[str]:
         yield from verbs(f"{name} {child}".strip(), children[child])
 
 
-def found(dotted: str) -> Any:
+def resolve(dotted: str) -> Any:
     """The object with this dotted name."""
     parts = dotted.split(".")
     for count in range(len(parts) - 1, 0, -1):
@@ -53,7 +53,7 @@ def test_the_page_names_a_function_of_every_verb() -> None:
 def test_the_functions_of_a_verb_exist_and_are_documented(verb: str) -> None:
     assert FUNCTIONS[verb]
     for name in FUNCTIONS[verb]:
-        assert inspect.getdoc(found(name)), name
+        assert inspect.getdoc(resolve(name)), name
 
 
 @pytest.mark.parametrize("name", sorted({*trepid.__all__} - {"__version__"}))

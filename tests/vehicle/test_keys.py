@@ -26,7 +26,7 @@ def keys(tmp_path: Path) -> Path:
     return tmp_path / "keys"
 
 
-def secured(folder: Path) -> Security:
+def secured_settings(folder: Path) -> Security:
     return load_security().model_copy(update={"keys": folder})
 
 
@@ -68,15 +68,15 @@ def test_a_key_that_others_may_read_is_refused_with_the_remedy(keys: Path) -> No
     for role in ("controller", "ca"):
         private_key(keys, role).chmod(0o644)
         with pytest.raises(InputError, match=rf"mode 0644\); run `chmod 600 .*{role}.key`"):
-            check_keys(["controller"], secured(keys))
+            check_keys(["controller"], secured_settings(keys))
         private_key(keys, role).chmod(0o600)
     private_key(keys, "ca").unlink()  # as SECURITY.md advises
-    check_keys(["controller"], secured(keys))
+    check_keys(["controller"], secured_settings(keys))
 
 
 def test_a_missing_process_is_named_with_the_remedy(keys: Path) -> None:
     with pytest.raises(InputError, match=r"mine.crt: no such file; `trepid keys create .* --process mine`"):
-        check_keys(["mine"], secured(keys))
+        check_keys(["mine"], secured_settings(keys))
 
 
 def test_keys_of_another_authority_of_another_process_and_expired_ones_are_refused(
@@ -86,11 +86,11 @@ def test_keys_of_another_authority_of_another_process_and_expired_ones_are_refus
     for name in ("controller.key", "controller.crt"):
         shutil.copy(tmp_path / "foreign" / name, keys / name)
     with pytest.raises(InputError, match=r"the authority ca.crt beside it did not sign it"):
-        check_keys(["controller"], secured(keys))
+        check_keys(["controller"], secured_settings(keys))
     for kind in ("key", "crt"):
         shutil.copy(keys / f"launcher.{kind}", keys / f"controller.{kind}")
     with pytest.raises(InputError, match="its common name is not controller"):
-        check_keys(["controller"], secured(keys))
+        check_keys(["controller"], secured_settings(keys))
     shutil.copy(tmp_path / "foreign" / "controller.key", keys / "launcher.key")
     with pytest.raises(InputError, match=r"is not the certificate of launcher.key"):
         check_certificate(keys, "launcher")
@@ -109,10 +109,10 @@ def test_keys_that_are_not_for_the_host_of_the_drive_are_refused_before_it_with_
         host = listen.rpartition(":")[0].strip("[]")
         at = {"listen": listen}
         with pytest.raises(InputError, match=rf"launcher.crt: is not for {host}, .*keys --host {host}`"):
-            check_keys(["controller"], secured(keys).model_copy(update=at))
+            check_keys(["controller"], secured_settings(keys).model_copy(update=at))
         if host != "127.0.0.2":
-            check_keys(["controller"], secured(tmp_path / "several").model_copy(update=at))
-    check_keys(["controller"], secured(keys).model_copy(update={"listen": "[::1]:7447"}))
+            check_keys(["controller"], secured_settings(tmp_path / "several").model_copy(update=at))
+    check_keys(["controller"], secured_settings(keys).model_copy(update={"listen": "[::1]:7447"}))
 
 
 def test_a_host_that_existing_certificates_do_not_name_is_refused_and_nothing_is_made(keys: Path) -> None:
@@ -175,7 +175,7 @@ def test_the_command_makes_a_certificate_for_every_process_of_a_drive(
     assert main() == 0
     roles = {path.stem for path in (tmp_path / "keys").glob("*.crt")}
     assert {"launcher", "camera", "vehicle", "supervisor", "controller", "lead", "cv", "cnn", "mine"} < roles
-    check_keys(["camera", "mine"], secured(tmp_path / "keys"))
+    check_keys(["camera", "mine"], secured_settings(tmp_path / "keys"))
     before = contents(tmp_path / "keys")
     assert main() == 0
     assert contents(tmp_path / "keys") == before

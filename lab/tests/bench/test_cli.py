@@ -51,12 +51,12 @@ def test_a_bad_configuration_is_refused_with_its_place_before_anything_is_measur
     text = (CONFIG_DIR / "camera.yaml").read_text(encoding="utf-8")
     (tmp_path / "camera.yaml").write_text(text.replace("height_m:", "heigth_m:"), encoding="utf-8")
     monkeypatch.setattr(sim_harness.lockstep.closed_loop, "CONFIG_DIR", tmp_path)
-    monkeypatch.setattr(cli, "function", lambda _name: unmeasured)
+    monkeypatch.setattr(cli, "function", lambda _name: fail_measuring)
     with pytest.raises(InputError, match=r"camera.yaml:\d+:\d+: .*heigth_m"):
         bench(["plants"])
 
 
-def unmeasured(seed: int) -> dict[str, object]:
+def fail_measuring(seed: int) -> dict[str, object]:
     pytest.fail("measured")
 
 
@@ -89,6 +89,6 @@ def test_a_result_is_saved_as_rows_page_and_figure(
 def test_a_folder_that_is_not_there_is_refused_before_anything_is_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cli, "function", lambda _name: unmeasured)
+    monkeypatch.setattr(cli, "function", lambda _name: fail_measuring)
     with pytest.raises(InputError, match="there is no such folder"):
         bench(["plants"], save_in=tmp_path / "no")

@@ -12,7 +12,7 @@ RESULT = {
 }
 
 
-def printed(result):
+def text_of(result):
     console = Console(width=100)
     with console.capture() as captured:
         for table in tables(result):
@@ -21,7 +21,7 @@ def printed(result):
 
 
 def test_contestants_are_rows_and_measures_columns_with_their_units():
-    lines = printed(RESULT).splitlines()
+    lines = text_of(RESULT).splitlines()
     head = next(i for i, line in enumerate(lines) if "worst [m]" in line)
     assert lines[head].split() == ["worst", "[m]", "lost"]
     assert lines[head + 1].split() == ["mpc", "0.01235", "0"]
@@ -30,14 +30,14 @@ def test_contestants_are_rows_and_measures_columns_with_their_units():
 
 def test_many_measures_stand_below_each_other():
     many = {f"at {n} m/s": float(n) for n in range(20)}
-    lines = printed({"grid": {"ours": many, "theirs": many}}).splitlines()
+    lines = text_of({"grid": {"ours": many, "theirs": many}}).splitlines()
     assert any(line.split() == ["ours", "theirs"] for line in lines)
     assert any(line.split() == ["at", "19", "m/s", "19", "19"] for line in lines)
 
 
 def test_a_table_with_more_rows_than_columns_is_never_turned():
     rows = {f"row {n}": {f"column {m}": n for m in range(9)} for n in range(30)}
-    assert any(line.startswith(" row 29 ") for line in printed({"faults": {"sim": rows}}).splitlines())
+    assert any(line.startswith(" row 29 ") for line in text_of({"faults": {"sim": rows}}).splitlines())
 
 
 def test_a_column_without_any_value_is_left_out():
@@ -45,7 +45,7 @@ def test_a_column_without_any_value_is_left_out():
 
 
 def test_plain_figures_are_listed_with_the_machine():
-    text = printed(RESULT)
+    text = text_of(RESULT)
     assert "two cores" in text and "553.2" in text
 
 

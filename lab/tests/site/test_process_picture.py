@@ -14,7 +14,7 @@ OF_THE_MAKERS = {SIM_TRUTH.key, TIMING.key, STEPS.key}
 
 
 @pytest.fixture(scope="module")
-def found() -> dict[str, Column]:
+def by_name() -> dict[str, Column]:
     return {column.name: column for column in columns()}
 
 
@@ -28,18 +28,18 @@ def test_the_picture_is_an_xml_document_without_anything_from_elsewhere() -> Non
     assert root.tag.endswith("svg") and links == []
 
 
-def test_every_topic_of_a_car_has_a_row(found: dict[str, Column]) -> None:
+def test_every_topic_of_a_car_has_a_row(by_name: dict[str, Column]) -> None:
     estimates = {estimate_topic("cv").key, estimate_topic("cnn").key}
-    assert set(rows(list(found.values()))) == FIXED.keys() - OF_THE_MAKERS | estimates
+    assert set(rows(list(by_name.values()))) == FIXED.keys() - OF_THE_MAKERS | estimates
 
 
-def test_no_topic_has_two_writers(found: dict[str, Column]) -> None:
-    keys = [key for column in found.values() for key in column.writes]
+def test_no_topic_has_two_writers(by_name: dict[str, Column]) -> None:
+    keys = [key for column in by_name.values() for key in column.writes]
     assert len(keys) == len(set(keys))
 
 
-def test_the_table_of_the_architecture_names_the_module_of_every_process(found: dict[str, Column]) -> None:
+def test_the_table_of_the_architecture_names_the_module_of_every_process(by_name: dict[str, Column]) -> None:
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     lines = re.findall(r"^\| ([a-z, ]+) \| `([\w.]+)` \|", text, re.MULTILINE)
     named = {name: module for names, module in lines for name in names.split(", ")}
-    assert named == {column.name: column.module for column in found.values()}
+    assert named == {column.name: column.module for column in by_name.values()}

@@ -17,7 +17,7 @@ def drive():
     return one.camera, tuple(one.moments())[:130]
 
 
-def assumed(**changes):
+def assumed_camera(**changes):
     camera = drive()[0]
     wrong = {
         "fx_px": 1.12 * camera.fx_px,
@@ -28,7 +28,7 @@ def assumed(**changes):
     return camera.model_copy(update=wrong | changes)
 
 
-def measured(optics: DriveOptics, moments, **changes):
+def measure(optics: DriveOptics, moments, **changes):
     found = None
     for moment in moments:
         one: OdometryFrame = moment._replace(**changes)
@@ -38,8 +38,8 @@ def measured(optics: DriveOptics, moments, **changes):
 
 def test_a_winding_drive_measures_lens_height_horizon_and_direction():
     camera, moments = drive()
-    first = assumed()
-    found = measured(DriveOptics(first), moments)
+    first = assumed_camera()
+    found = measure(DriveOptics(first), moments)
     assert found.focal_px == pytest.approx(camera.fx_px, rel=0.05)
     assert found.focal_height_pxm == pytest.approx(camera.fx_px * camera.height_m, rel=0.04)
     assert first.horizon_row_px - found.horizon_px == pytest.approx(
@@ -53,27 +53,27 @@ def test_a_wide_image_gives_pixels_of_its_own_size():
     camera, moments = drive()
     large = camera.resize(2 * camera.width_px, 2 * camera.height_px)
     enlarged = [one._replace(image=np.kron(one.image, np.ones((2, 2, 1), np.uint8))) for one in moments[:40]]
-    found = measured(DriveOptics(large), enlarged)
+    found = measure(DriveOptics(large), enlarged)
     assert found.focal_height_pxm == pytest.approx(2 * camera.fx_px * camera.height_m, rel=0.06)
 
 
 def test_the_speed_alone_measures_no_focal_length():
-    found = measured(DriveOptics(assumed(), StateOdometry.WAY), drive()[1][:60])
+    found = measure(DriveOptics(assumed_camera(), StateOdometry.WAY), drive()[1][:60])
     assert found.focal_px is None and found.focal_height_pxm > 0
 
 
 def test_without_odometry_or_speed_nothing_is_measured():
     moments = drive()[1][:40]
-    assert measured(DriveOptics(assumed(), StateOdometry.NONE), moments) is None
-    assert measured(DriveOptics(assumed()), moments, speed_mps=None) is None
-    assert measured(DriveOptics(assumed()), moments, speed_mps=0.0) is None
+    assert measure(DriveOptics(assumed_camera(), StateOdometry.NONE), moments) is None
+    assert measure(DriveOptics(assumed_camera()), moments, speed_mps=None) is None
+    assert measure(DriveOptics(assumed_camera()), moments, speed_mps=0.0) is None
 
 
 def test_frames_of_another_size_and_after_a_pause_are_no_pairs():
     moments = drive()[1][:40]
-    assert measured(DriveOptics(assumed().resize(320, 240)), moments) is None
+    assert measure(DriveOptics(assumed_camera().resize(320, 240)), moments) is None
     late = [one._replace(t_s=0.6 * number) for number, one in enumerate(moments)]
-    assert measured(DriveOptics(assumed()), late) is None
+    assert measure(DriveOptics(assumed_camera()), late) is None
 
 
 def test_a_slow_car_measures_over_several_frames():
@@ -83,18 +83,18 @@ def test_a_slow_car_measures_over_several_frames():
         one._replace(t_s=0.2 * number, speed_mps=one.speed_mps / 4, yaw_rate_radps=one.yaw_rate_radps / 4)
         for number, one in enumerate(moments[:60])
     ]
-    fast = measured(DriveOptics(assumed()), moments[:60])
-    assert measured(DriveOptics(assumed()), slow).focal_height_pxm == pytest.approx(
+    fast = measure(DriveOptics(assumed_camera()), moments[:60])
+    assert measure(DriveOptics(assumed_camera()), slow).focal_height_pxm == pytest.approx(
         fast.focal_height_pxm, rel=0.01
     )
 
 
 def test_the_number_of_pairs_is_bounded():
-    optics, moments = DriveOptics(assumed()), drive()[1]
+    optics, moments = DriveOptics(assumed_camera()), drive()[1]
     forth_and_on = [one for _ in range(3) for one in moments]
     steady = [one._replace(t_s=0.05 * number) for number, one in enumerate(forth_and_on)]
-    measured(optics, steady)
+    measure(optics, steady)
     assert optics.complete and optics.pairs == MAX_PAIRS
-    straight = DriveOptics(assumed(), StateOdometry.WAY)
-    measured(straight, steady)
+    straight = DriveOptics(assumed_camera(), StateOdometry.WAY)
+    measure(straight, steady)
     assert straight.pairs == MAX_PAIRS // 2

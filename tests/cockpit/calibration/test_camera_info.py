@@ -39,7 +39,7 @@ def calibration(path: Path, model: str, d: tuple[float, ...], k: np.ndarray = K)
     return path
 
 
-def echoed(path: Path, model: str, d: tuple[float, ...], *, upper: bool = False, more: str = "") -> Path:
+def write_echo(path: Path, model: str, d: tuple[float, ...], *, upper: bool = False, more: str = "") -> Path:
     """As ``ros2 topic echo`` and ``rostopic echo`` print it, message after message."""
     names = "DK" if upper else "dk"
     one = (
@@ -59,12 +59,12 @@ def rays(most_rad: float) -> np.ndarray:
     return np.column_stack([r * np.cos(around.ravel()), r * np.sin(around.ravel()), np.ones(r.size)])
 
 
-def shown(camera: Camera, points: np.ndarray) -> np.ndarray:
+def pixels_of(camera: Camera, points: np.ndarray) -> np.ndarray:
     pixels, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.intrinsics, camera.lens)
     return pixels[:, 0]
 
 
-def stated(model: str, d: tuple[float, ...], points: np.ndarray) -> np.ndarray:
+def stated_pixels(model: str, d: tuple[float, ...], points: np.ndarray) -> np.ndarray:
     """OpenCV's own projection by the model of the file."""
     if model == "equidistant":
         pixels = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), K, np.array(d))[0]
@@ -76,15 +76,15 @@ def inside(pixels: np.ndarray) -> np.ndarray:
     return ((pixels >= 0) & (pixels <= (639, 479))).all(axis=1)
 
 
-@pytest.mark.parametrize("write", [calibration, echoed])
+@pytest.mark.parametrize("write", [calibration, write_echo])
 @pytest.mark.parametrize("model", LENSES)
 def test_every_ray_is_at_the_pixel_that_the_model_of_the_file_states(tmp_path, model, write):
     found = import_camera(write(tmp_path / "info.yaml", model, LENSES[model]), MOUNTING)
     points = rays(math.radians(40.0))
-    expected = stated(model, LENSES[model], points)
+    expected = stated_pixels(model, LENSES[model], points)
     seen = inside(expected)
     assert seen.sum() > 300
-    off_px = np.abs(shown(found.camera, points) - expected)[seen].max()
+    off_px = np.abs(pixels_of(found.camera, points) - expected)[seen].max()
     assert off_px <= (found.fit_px or 1e-6) * (1 + 1e-3) + 1e-6
     assert (found.fit_px is None) == (model != "equidistant")
 
@@ -101,7 +101,7 @@ def test_a_fisheye_is_fitted_within_what_is_said_over_the_whole_image(tmp_path_f
     pixels = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), k, np.array(d))[0][:, 0]
     seen = inside(pixels)
     assert found.fit_px is not None and found.fit_px <= 0.5
-    assert np.abs(shown(found.camera, points) - pixels)[seen].max() <= 2 * found.fit_px + 1e-3
+    assert np.abs(pixels_of(found.camera, points) - pixels)[seen].max() <= 2 * found.fit_px + 1e-3
 
 
 def test_region_of_interest_and_binning_move_every_pixel_as_the_sensor_does(tmp_path):
@@ -109,11 +109,11 @@ def test_region_of_interest_and_binning_move_every_pixel_as_the_sensor_does(tmp_
         "binning_x: 2\nbinning_y: 2\nroi:\n  x_offset: 40\n  y_offset: 80\n  height: 320\n  width: 560\n"
         "  do_rectify: false\n"
     )
-    found = import_camera(echoed(tmp_path / "info.yaml", "plumb_bob", PLUMB_BOB, more=more), MOUNTING)
+    found = import_camera(write_echo(tmp_path / "info.yaml", "plumb_bob", PLUMB_BOB, more=more), MOUNTING)
     assert (found.camera.width_px, found.camera.height_px) == (280, 160)
     points = rays(math.radians(15.0))
-    full = stated("plumb_bob", PLUMB_BOB, points)
-    assert shown(found.camera, points) == pytest.approx((full - (40, 80) + 0.5) / 2 - 0.5, abs=1e-6)
+    full = stated_pixels("plumb_bob", PLUMB_BOB, points)
+    assert pixels_of(found.camera, points) == pytest.approx((full - (40, 80) + 0.5) / 2 - 0.5, abs=1e-6)
 
 
 HEAD = "image_width: 640\nimage_height: 480\ndistortion_model: plumb_bob\n"
@@ -158,9 +158,9 @@ def test_what_a_file_cannot_mean_is_refused_in_one_line(tmp_path, text, said):
 
 
 def test_messages_of_ros_1_and_zeros_at_the_end_mean_the_same(tmp_path):
-    one = import_camera(echoed(tmp_path / "a.yaml", "plumb_bob", PLUMB_BOB), MOUNTING)
+    one = import_camera(write_echo(tmp_path / "a.yaml", "plumb_bob", PLUMB_BOB), MOUNTING)
     other = import_camera(
-        echoed(tmp_path / "b.yaml", "plumb_bob", (*PLUMB_BOB, 0.0, 0.0, 0.0), upper=True), MOUNTING
+        write_echo(tmp_path / "b.yaml", "plumb_bob", (*PLUMB_BOB, 0.0, 0.0, 0.0), upper=True), MOUNTING
     )
     assert one.camera == other.camera
     assert one.camera.height_m == MOUNTING.height_m
@@ -196,8 +196,8 @@ def test_the_verb_writes_a_camera_file_that_loads_as_the_camera(tmp_path):
     assert printed["model"] == "equidistant" and printed["fit_px"] < 0.5
     points = rays(math.radians(40.0))
     exact = import_camera(info, MOUNTING).camera.resize(320, 240)
-    seen = inside(shown(exact, points))
-    assert np.abs(shown(written, points) - shown(exact, points))[seen].max() < 0.01
+    seen = inside(pixels_of(exact, points))
+    assert np.abs(pixels_of(written, points) - pixels_of(exact, points))[seen].max() < 0.01
     assert isinstance(CliRunner().invoke(app, words).exception, InputError), "never overwritten"
 
 

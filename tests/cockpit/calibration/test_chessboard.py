@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from chessboard_rig import CORNERS, DISTORTION, MATRIX, POSES, drawn
+from chessboard_rig import CORNERS, DISTORTION, MATRIX, POSES, draw_board
 
 from cockpit.calibration.chessboard import intrinsics
 from trepid.config import InputError
@@ -11,7 +11,7 @@ from trepid.config import InputError
 
 @pytest.fixture(scope="module")
 def boards() -> dict[str, np.ndarray]:
-    return {f"{number}.png": drawn(*pose) for number, pose in enumerate(POSES)}
+    return {f"{number}.png": draw_board(*pose) for number, pose in enumerate(POSES)}
 
 
 def test_focal_length_centre_and_distortion_are_recovered(boards: dict[str, np.ndarray]) -> None:

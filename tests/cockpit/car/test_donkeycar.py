@@ -44,7 +44,7 @@ THROTTLE_STOPPED_PWM = 370
 """
 
 
-def written(folder: Path, text: str) -> Path:
+def write_config(folder: Path, text: str) -> Path:
     path = folder / "myconfig.py"
     path.write_text(text)
     return path
@@ -57,7 +57,7 @@ def car(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def init(monkeypatch: pytest.MonkeyPatch, car: Path, text: str) -> int:
-    words = ["init", str(car), "--like", "rc-car", "--donkeycar", str(written(car.parent, text))]
+    words = ["init", str(car), "--like", "rc-car", "--donkeycar", str(write_config(car.parent, text))]
     monkeypatch.setattr("sys.argv", ["trepid", *words])
     return main()
 
@@ -106,7 +106,7 @@ def test_names_of_older_versions_and_a_servo_that_turns_the_other_way_are_taken_
 def test_the_file_is_never_run(tmp_path: Path) -> None:
     spy = tmp_path / "ran"
     text = f"import pathlib\npathlib.Path({str(spy)!r}).touch()\nDATA_PATH = pathlib.Path('data')\n" + FLAT
-    found = read_donkeycar(written(tmp_path, text))
+    found = read_donkeycar(write_config(tmp_path, text))
     assert not spy.exists() and "DATA_PATH (line 3)" in found.left
 
 
@@ -135,6 +135,6 @@ def test_what_cannot_be_taken_over_is_one_line_with_its_place(
 
 
 def test_another_template_is_refused(car: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = written(car.parent, FLAT)
+    path = write_config(car.parent, FLAT)
     monkeypatch.setattr("sys.argv", ["trepid", "init", str(car), "--donkeycar", str(path)])
     assert main() == 2

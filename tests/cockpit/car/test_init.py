@@ -37,7 +37,7 @@ def car(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "mycar"
 
 
-def uncommented(text: str) -> str:
+def uncomment(text: str) -> str:
     """The text after every edit that the header invites to."""
     return re.sub(r"(?m)^#(?=\s*(?:[\w.\"'-]+\s*:|- |[}\]]))(?! )|^#(?=  )", "", text)
 
@@ -46,7 +46,7 @@ def test_every_field_becomes_a_comment() -> None:
     text = merge(DEFAULT, "")
     assert PLAIN.load(text) is None
     assert "#a_m: 1.0   # a metre" in text
-    assert PLAIN.load(uncommented(text)) == PLAIN.load(DEFAULT)
+    assert PLAIN.load(uncomment(text)) == PLAIN.load(DEFAULT)
 
 
 def test_a_field_of_the_template_stands_active_below_its_default() -> None:

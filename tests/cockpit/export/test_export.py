@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pyarrow.parquet
 import pytest
-from recorded_rig import recorded
+from recorded_rig import record_drive
 
 from cockpit.export.drive import STALE_S, Drive
 from cockpit.export.film import draw_frame
@@ -41,7 +41,7 @@ START_S = 2000.0
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
-    return recorded(path, SCENARIO)
+    return record_drive(path, SCENARIO)
 
 
 IMAGE = np.full((48, 64, 3), 90, np.uint8)
@@ -57,7 +57,7 @@ def state(t_s: float, angle_rad: float | None, *, driver: bool = False) -> Vehic
     )
 
 
-def written(path: Path, states: Iterable[VehicleState], images_s: Iterable[float]) -> Path:
+def write_messages(path: Path, states: Iterable[VehicleState], images_s: Iterable[float]) -> Path:
     """A recording of these messages, each of which arrives at its own time."""
     sent: list[tuple[Any, Any]] = [(VEHICLE_STATE, one) for one in states]
     sent += [(CAMERA_COMPRESSED, CompressedFrame(t_s=t_s, jpeg=jpeg())) for t_s in images_s]
@@ -72,7 +72,7 @@ def rows_of(path: Path) -> Table:
     return table(opened, times(opened, None))
 
 
-def exported(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: object) -> Any:
+def run_export(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: object) -> Any:
     """The exit code, standard output and standard error of ``trepid export``."""
     monkeypatch.setattr("sys.argv", ["trepid", "export", *map(str, words)])
     code = main()
@@ -82,7 +82,7 @@ def exported(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 
 @pytest.fixture
 def export(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
-    return lambda *words: exported(capsys, monkeypatch, *words)
+    return lambda *words: run_export(capsys, monkeypatch, *words)
 
 
 def test_a_row_holds_the_last_message_before_it_and_no_later_one(drive: Path) -> None:
@@ -143,7 +143,7 @@ def test_the_rows_at_a_rate_are_equally_spaced(drive: Path) -> None:
 
 def test_what_is_missing_or_old_is_empty(tmp_path: Path) -> None:
     at_s = [START_S + 0.1 * k for k in range(15)]
-    path = written(tmp_path / "d.mcap", [state(at_s[3], None)], at_s)
+    path = write_messages(tmp_path / "d.mcap", [state(at_s[3], None)], at_s)
     rows = rows_of(path)
     fresh = [k for k, t_s in enumerate(at_s) if 0 <= t_s - at_s[3] <= STALE_S]
     assert [k for k, value in enumerate(rows["speed_mps"]) if value is not None] == fresh
@@ -249,7 +249,7 @@ def test_a_tub_is_read_back_with_right_as_positive_and_the_share_of_the_lock(
     at_s = [START_S + 0.1 * k for k in range(4)]
     angles = [0.5 * lock_rad, -0.25 * lock_rad, -2 * lock_rad, None]
     states = [state(t, angle, driver=k < 2) for k, (t, angle) in enumerate(zip(at_s, angles, strict=True))]
-    path = written(tmp_path / "d.mcap", states, at_s)
+    path = write_messages(tmp_path / "d.mcap", states, at_s)
     code, out, _ = export(path, tmp_path / "tub", "--json")
     assert code == 0 and {"rows": 3, "left_out": 1}.items() <= json.loads(out).items()
     assert is_tub(tmp_path / "tub")
@@ -287,7 +287,7 @@ def test_the_catalogs_of_a_tub_have_the_lengths_by_which_donkeycar_finds_a_recor
     tmp_path: Path, export: Any
 ) -> None:
     at_s = [START_S + 0.02 * k for k in range(1003)]
-    path = written(tmp_path / "d.mcap", [state(t_s, 0.01) for t_s in at_s], at_s)
+    path = write_messages(tmp_path / "d.mcap", [state(t_s, 0.01) for t_s in at_s], at_s)
     assert export(path, tmp_path / "tub")[0] == 0
     held = json.loads((tmp_path / "tub" / "manifest.json").read_text().splitlines()[4])
     assert held["paths"] == ["catalog_0.catalog", "catalog_1.catalog"] and held["current_index"] == 1003

@@ -32,7 +32,7 @@ def grey(value: int, size: tuple[int, int] = (48, 64)) -> Image:
     return np.full((*size, 3), value, np.uint8)
 
 
-def driven(
+def episodes_of(
     lengths: tuple[int, ...], *, size: tuple[int, int] = (48, 64), **fields: Any
 ) -> Iterator[DrivenFrame]:
     """Episodes of the given lengths, each frame brighter than the one before it."""
@@ -73,7 +73,7 @@ def frame_at(path: Path, at_s: float) -> Image:
 
 
 def test_every_row_leads_to_its_own_image_through_episode_and_timestamp(tmp_path: Path) -> None:
-    assert write_lerobot(driven((7, 5)), tmp_path, rate_hz=RATE_HZ, task="drive") == 12
+    assert write_lerobot(episodes_of((7, 5)), tmp_path, rate_hz=RATE_HZ, task="drive") == 12
     info = json.loads((tmp_path / "meta" / "info.json").read_text())
     assert info["codebase_version"] == "v3.0" and info["fps"] == 20
     assert (info["total_episodes"], info["total_frames"]) == (2, 12) and info["splits"] == {"train": "0:2"}
@@ -92,7 +92,7 @@ def test_every_row_leads_to_its_own_image_through_episode_and_timestamp(tmp_path
 
 
 def test_the_columns_are_those_that_info_describes_in_their_types(tmp_path: Path) -> None:
-    write_lerobot(driven((4,)), tmp_path, rate_hz=RATE_HZ, task="drive")
+    write_lerobot(episodes_of((4,)), tmp_path, rate_hz=RATE_HZ, task="drive")
     features = json.loads((tmp_path / "meta" / "info.json").read_text())["features"]
     schema = pyarrow.parquet.read_schema(tmp_path / "data/chunk-000/file-000.parquet")
     types = {"float": "float32", "double": "float64", "int64": "int64"}
@@ -105,14 +105,14 @@ def test_the_columns_are_those_that_info_describes_in_their_types(tmp_path: Path
 
 
 def test_the_text_of_a_task_is_the_index_of_its_table(tmp_path: Path) -> None:
-    write_lerobot(driven((2,)), tmp_path, rate_hz=RATE_HZ, task="keep the lane")
+    write_lerobot(episodes_of((2,)), tmp_path, rate_hz=RATE_HZ, task="keep the lane")
     table = pyarrow.parquet.read_table(tmp_path / "meta" / "tasks.parquet")
     assert table.schema.pandas_metadata["index_columns"] == ["task"]
     assert table.to_pylist() == [{"task_index": 0, "task": "keep the lane"}]
 
 
 def test_statistics_are_of_the_numbers_and_of_red_green_and_blue_as_shares(tmp_path: Path) -> None:
-    frames = list(driven((3, 2), image=np.full((48, 64, 3), (100, 50, 0), np.uint8)))
+    frames = list(episodes_of((3, 2), image=np.full((48, 64, 3), (100, 50, 0), np.uint8)))
     write_lerobot(iter(frames), tmp_path, rate_hz=RATE_HZ, task="drive")
     stats = json.loads((tmp_path / "meta" / "stats.json").read_text())
     assert stats[VIDEO]["mean"] == [[[0.0]], [[pytest.approx(50 / 255)]], [[pytest.approx(100 / 255)]]]
@@ -123,8 +123,8 @@ def test_statistics_are_of_the_numbers_and_of_red_green_and_blue_as_shares(tmp_p
 
 
 def test_an_unknown_speed_is_no_state(tmp_path: Path) -> None:
-    write_lerobot(driven((3,), speed_mps=math.nan), tmp_path / "none", rate_hz=RATE_HZ, task="drive")
-    write_lerobot(driven((3,)), tmp_path / "known", rate_hz=RATE_HZ, task="drive")
+    write_lerobot(episodes_of((3,), speed_mps=math.nan), tmp_path / "none", rate_hz=RATE_HZ, task="drive")
+    write_lerobot(episodes_of((3,)), tmp_path / "known", rate_hz=RATE_HZ, task="drive")
     has = [
         "observation.state" in (tmp_path / name / "meta/info.json").read_text() for name in ("none", "known")
     ]
@@ -135,7 +135,7 @@ def test_a_full_video_is_followed_by_another_at_the_next_episode(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(lerobot, "VIDEO_MB", -1)
-    write_lerobot(driven((3, 3)), tmp_path, rate_hz=RATE_HZ, task="drive")
+    write_lerobot(episodes_of((3, 3)), tmp_path, rate_hz=RATE_HZ, task="drive")
     episodes = rows_of(tmp_path / "meta/episodes/chunk-000/file-000.parquet")
     assert [row[f"videos/{VIDEO}/file_index"] for row in episodes] == [0, 1]
     assert [row[f"videos/{VIDEO}/from_timestamp"] for row in episodes] == [0.0, 0.0]
@@ -143,9 +143,9 @@ def test_a_full_video_is_followed_by_another_at_the_next_episode(
 
 
 def test_an_odd_side_of_the_images_is_cut_and_another_size_refused(tmp_path: Path) -> None:
-    write_lerobot(driven((3,), size=(47, 61)), tmp_path / "odd", rate_hz=RATE_HZ, task="drive")
+    write_lerobot(episodes_of((3,), size=(47, 61)), tmp_path / "odd", rate_hz=RATE_HZ, task="drive")
     features = json.loads((tmp_path / "odd/meta/info.json").read_text())["features"]
     assert features[VIDEO]["shape"] == [46, 60, 3]
-    mixed = [*driven((2,)), *driven((2,), size=(24, 32))]
+    mixed = [*episodes_of((2,)), *episodes_of((2,), size=(24, 32))]
     with pytest.raises(InputError, match="has one size"):
         write_lerobot(iter(mixed), tmp_path / "mixed", rate_hz=RATE_HZ, task="drive")

@@ -28,7 +28,7 @@ def car(request, monkeypatch: pytest.MonkeyPatch):
     use_car(None)
 
 
-def found(camera: Camera, vehicle: Vehicle) -> FrameResult[Leads]:
+def eighth_result(camera: Camera, vehicle: Vehicle) -> FrameResult[Leads]:
     """The result of the eighth frame with the same detection."""
     finder = LeadFinder(FixedDetector([IN_REFERENCE]), lead_settings(), camera, vehicle)
     image = np.full((camera.height_px, camera.width_px, 3), 90, np.uint8)
@@ -39,7 +39,7 @@ def found(camera: Camera, vehicle: Vehicle) -> FrameResult[Leads]:
 
 def test_leader_and_detections_are_in_the_same_metres(car) -> None:
     camera, vehicle = car
-    row = as_row(found(camera, vehicle))
+    row = as_row(eighth_result(camera, vehicle))
     (detection,) = row["detections"]
     nose_m = vehicle.wheelbase_m + vehicle.front_overhang_m
     assert detection["ahead_m"] - nose_m == pytest.approx(row["distance_m"], abs=0.01)
@@ -49,18 +49,18 @@ def test_leader_and_detections_are_in_the_same_metres(car) -> None:
 
 def test_the_box_is_where_the_vehicle_is_in_the_image(car) -> None:
     camera, vehicle = car
-    (detection,) = as_row(found(camera, vehicle))["detections"]
+    (detection,) = as_row(eighth_result(camera, vehicle))["detections"]
     in_reference = scaled_settings(camera, 1 / vehicle.scale)
     assert detection["box_px"] == pytest.approx(IN_REFERENCE.pixels(in_reference), abs=0.06)
 
 
 def test_the_leader_is_drawn_in_green(car) -> None:
-    assert is_green(draw_leads(found(*car))).sum() > 20
+    assert is_green(draw_leads(eighth_result(*car))).sum() > 20
 
 
 def test_a_vehicle_beside_the_leader_is_not_drawn_as_it(car) -> None:
     camera, vehicle = car
-    one = found(camera, vehicle)
+    one = eighth_result(camera, vehicle)
     beside = one.result.detections[0]._replace(left_m=2.0 * vehicle.scale)
     alone = FrameResult(one.path, 0, 0.0, one.image, camera, Leads(one.result.lead, [beside]), 0.0)
     assert not is_green(draw_leads(alone)).any()

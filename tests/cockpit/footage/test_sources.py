@@ -78,7 +78,9 @@ def test_the_images_of_a_folder_come_in_natural_order(folder):
     assert names == ["2.png", "100.png", "a.jpg", "b.png", "frame9.png", "frame10.png"]
 
 
-def recorded(path: Path, *messages: tuple[float, Frame | CompressedFrame], notes: dict[str, str]) -> Path:
+def record_messages(
+    path: Path, *messages: tuple[float, Frame | CompressedFrame], notes: dict[str, str]
+) -> Path:
     with Recording(path, {}, notes) as file:
         for at_s, message in messages:
             key = CAMERA_IMAGE.key if isinstance(message, Frame) else CAMERA_COMPRESSED.key
@@ -96,28 +98,28 @@ def jpeg(grey: int) -> bytes:
 
 def test_the_jpeg_images_of_a_recording_are_read_where_there_are_no_raw_ones(tmp_path):
     many = [(10.0 + n, CompressedFrame(t_s=9.9 + n, jpeg=jpeg(40 * n))) for n in range(5)]
-    (source,) = sources(recorded(tmp_path / "jpeg.mcap", *many, notes={"what": "test"}))
+    (source,) = sources(record_messages(tmp_path / "jpeg.mcap", *many, notes={"what": "test"}))
     shots = list(source.shots())
     assert [(shot.number, shot.t_s) for shot in shots] == [(n, pytest.approx(9.9 + n)) for n in range(5)]
     assert [int(shot.image.mean()) for shot in shots] == pytest.approx([40 * n for n in range(5)], abs=2)
     assert [int(image.mean()) for image in source.sample(3)] == pytest.approx([0, 80, 160], abs=2)
     both = [*many, (20.0, Frame(t_s=19.9, image=photo(7)))]
-    (source,) = sources(recorded(tmp_path / "both.mcap", *both, notes={}))
+    (source,) = sources(record_messages(tmp_path / "both.mcap", *both, notes={}))
     assert [int(shot.image.mean()) for shot in source.shots()] == [7]
 
 
 def test_the_frame_rate_of_a_recording_is_that_of_its_captures(tmp_path):
     stamps_s = (9.0, 9.1, 9.1, 9.2, 9.7, 9.8)  # one repeated, one pause
     many = [(stamp_s + 0.03, CompressedFrame(t_s=stamp_s, jpeg=jpeg(90))) for stamp_s in stamps_s]
-    (source,) = sources(recorded(tmp_path / "many.mcap", *many, notes={}))
+    (source,) = sources(record_messages(tmp_path / "many.mcap", *many, notes={}))
     assert source.fps == pytest.approx(10.0)
-    (source,) = sources(recorded(tmp_path / "one.mcap", many[0], notes={}))
+    (source,) = sources(record_messages(tmp_path / "one.mcap", many[0], notes={}))
     assert source.fps == NOMINAL_FPS
 
 
 def test_an_image_that_cannot_be_decoded_is_named_and_left_out(tmp_path):
     some = [(10.0 + n, CompressedFrame(t_s=10.0 + n, jpeg=b"no" if n == 1 else jpeg(90))) for n in range(3)]
-    (source,) = sources(recorded(tmp_path / "torn.mcap", *some, notes={}))
+    (source,) = sources(record_messages(tmp_path / "torn.mcap", *some, notes={}))
     refused = []
     assert [shot.number for shot in source.shots(refused.append)] == [0, 2]
     assert [str(error).partition(": ")[2] for error in refused] == ["the image of 11.000 s cannot be decoded"]
@@ -137,12 +139,12 @@ def test_a_recording_brings_the_settings_of_its_car(tmp_path):
     with settings_of(source):
         assert load(CONFIG_DIR / "camera.yaml", Camera).height_m == 0.9
     assert load(CONFIG_DIR / "camera.yaml", Camera).height_m != 0.9
-    assert not sources(recorded(tmp_path / "foreign.mcap", images, notes={}))[0].has_settings
+    assert not sources(record_messages(tmp_path / "foreign.mcap", images, notes={}))[0].has_settings
 
 
 def test_a_recording_without_images_is_refused_in_one_line(tmp_path):
     with pytest.raises(InputError, match="holds no image of a camera"):
-        sources(recorded(tmp_path / "empty.mcap", notes={}))
+        sources(record_messages(tmp_path / "empty.mcap", notes={}))
 
 
 def test_the_frames_of_a_video_have_the_stamps_of_the_file(tmp_path):

@@ -28,7 +28,7 @@ PROTOCOL = "foxglove.sdk.v1"
 MESSAGE = 1  # of a binary message: one of a subscription
 
 
-class Served:
+class FoxgloveServer:
     """A server process, and the bus that it reads."""
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class Served:
             (spec,), vehicle_name="car", endpoint=self.endpoint, clock_offset_ns=self._offset_ns
         )
 
-    def connected(self) -> ClientConnection:
+    def connect(self) -> ClientConnection:
         until_s = time.monotonic() + 30
         while True:
             try:
@@ -51,13 +51,13 @@ class Served:
 
 
 @pytest.fixture(scope="module")
-def served() -> Iterator[tuple[Served, Any]]:
-    server = Served()
+def server_and_bus() -> Iterator[tuple[FoxgloveServer, Any]]:
+    server = FoxgloveServer()
     with open_bus("car", server.clock, listen=server.endpoint) as bus, server.fleet:
         yield server, bus
 
 
-def advertised(client: ClientConnection, *wanted: str) -> dict[str, dict[str, Any]]:
+def channels_of(client: ClientConnection, *wanted: str) -> dict[str, dict[str, Any]]:
     """The channels by topic, once all ``wanted`` ones are there."""
     channels: dict[str, dict[str, Any]] = {}
     while not set(wanted) <= set(channels):
@@ -69,12 +69,14 @@ def advertised(client: ClientConnection, *wanted: str) -> dict[str, dict[str, An
     return channels
 
 
-def test_the_topics_and_what_the_viewers_draw_are_served_live(served: tuple[Served, Any]) -> None:
-    server, bus = served
+def test_the_topics_and_what_the_viewers_draw_are_served_live(
+    server_and_bus: tuple[FoxgloveServer, Any],
+) -> None:
+    server, bus = server_and_bus
     decide, show = bus.publisher(DECISION), bus.publisher(CAMERA_COMPRESSED)
-    with server.connected() as client:
+    with server.connect() as client:
         first = ("/viewer/annotations", "/camera/image/compressed")
-        channels = advertised(client, *first)
+        channels = channels_of(client, *first)
         until_s = time.monotonic() + 30
         while "/supervisor/decision" not in channels and time.monotonic() < until_s:
             decide(some_decision(t_s=server.clock(), decided_s=server.clock()))

@@ -32,7 +32,7 @@ USERS = RoadUsers(
 )
 
 
-def drawn(users: RoadUsers, *, late_s: float = 0.0) -> dict[str, Any]:
+def draw_users(users: RoadUsers, *, late_s: float = 0.0) -> dict[str, Any]:
     """The messages of the viewers for a decision ``late_s`` after the road users, by topic."""
     scene = Scene(CAMERA, SHUTTLE)
     assert list(scene.step(ROAD_USERS.key, to_cdr(users))) == []
@@ -43,13 +43,13 @@ def drawn(users: RoadUsers, *, late_s: float = 0.0) -> dict[str, Any]:
     return {"markers": markers.markers, "annotations": annotations}
 
 
-def named(made: dict[str, Any], name: str) -> list[Any]:
+def markers_of(made: dict[str, Any], name: str) -> list[Any]:
     return [one for one in made["markers"] if one.ns == name]
 
 
 def test_every_road_user_stands_on_its_ground_point_with_its_kind_and_distance() -> None:
-    made = drawn(USERS)
-    bodies, texts = named(made, "people"), named(made, "people_text")
+    made = draw_users(USERS)
+    bodies, texts = markers_of(made, "people"), markers_of(made, "people_text")
     assert [(one.pose.position.x, one.pose.position.y) for one in bodies] == [(12.0, -1.5), (20.0, 2.0)]
     for one in bodies:
         assert one.pose.position.z == pytest.approx(one.scale.z / 2)  # the feet are on the road
@@ -59,13 +59,13 @@ def test_every_road_user_stands_on_its_ground_point_with_its_kind_and_distance()
 
 
 def test_the_way_of_a_walker_shows_where_it_is_after_a_second_and_is_absent_without_a_speed() -> None:
-    (way,) = named(drawn(USERS), "people_way")
+    (way,) = markers_of(draw_users(USERS), "people_way")
     start, end = way.points
     assert (end.x - start.x, end.y - start.y) == pytest.approx((0.5, 1.2))
 
 
 def test_the_boxes_in_the_picture_stand_where_the_markers_are() -> None:
-    made = drawn(USERS)
+    made = draw_users(USERS)
     loops = [one for one in made["annotations"].points if one.type == ros.LINE_LOOP]
     texts = {one.text for one in made["annotations"].texts}
     feet = sorted(
@@ -80,11 +80,13 @@ def test_the_boxes_in_the_picture_stand_where_the_markers_are() -> None:
 
 @pytest.mark.parametrize("x_m", [math.nan, math.inf])
 def test_a_place_that_is_not_finite_is_not_drawn(x_m: float) -> None:
-    made = drawn(RoadUsers(t_s=T_S, kinds=("person",), x_m=(x_m,), y_m=(0.0,), x_mps=(0.0,), y_mps=(0.0,)))
-    assert named(made, "people") == named(made, "people_text") == []
+    made = draw_users(
+        RoadUsers(t_s=T_S, kinds=("person",), x_m=(x_m,), y_m=(0.0,), x_mps=(0.0,), y_mps=(0.0,))
+    )
+    assert markers_of(made, "people") == markers_of(made, "people_text") == []
 
 
 def test_road_users_of_an_old_frame_are_not_drawn() -> None:
-    assert named(drawn(USERS, late_s=FRESH_S - 0.01), "people")
-    assert not named(drawn(USERS, late_s=FRESH_S + 0.01), "people")
+    assert markers_of(draw_users(USERS, late_s=FRESH_S - 0.01), "people")
+    assert not markers_of(draw_users(USERS, late_s=FRESH_S + 0.01), "people")
     assert LIFETIME_S <= FRESH_S  # a marker without a following one goes as early

@@ -14,7 +14,7 @@ from foxglove_schemas_protobuf import ImageAnnotations_pb2, PointsAnnotation_pb2
 from google.protobuf import json_format
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from recorded_rig import recorded
+from recorded_rig import record_drive
 from scipy.spatial.transform import Rotation
 
 from cockpit.foxglove import convert, ros
@@ -31,7 +31,7 @@ LAYOUT = Path(convert.__file__).with_name("layout.json")
 COLOURS = {"outline_color", "fill_color", "text_color", "background_color"}
 
 
-def exported(drive: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def export_drive(drive: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr("sys.argv", ["trepid", "export", str(drive), str(out)])
     assert main() == 0
     return out
@@ -41,13 +41,13 @@ def exported(drive: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
     scenario = load_scenario("cut_in", {"duration_s": "6"})
-    return recorded(path, scenario)
+    return record_drive(path, scenario)
 
 
 @pytest.fixture(scope="module")
 def viewable(drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as monkeypatch:
-        return exported(drive, tmp_path_factory.mktemp("view") / "view.mcap", monkeypatch)
+        return export_drive(drive, tmp_path_factory.mktemp("view") / "view.mcap", monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +175,7 @@ def test_the_export_is_still_a_recording_and_exporting_it_again_changes_nothing(
 ) -> None:
     one, other = read_recording(drive, DECISION.key), read_recording(viewable, DECISION.key)
     assert one.of(DECISION) == other.of(DECISION) and one.notes == other.notes and one.files == other.files
-    again = exported(viewable, tmp_path / "again.mcap", monkeypatch)
+    again = export_drive(viewable, tmp_path / "again.mcap", monkeypatch)
 
     def bare(path: Path) -> list[tuple[str, int, bytes]]:
         with path.open("rb") as file:

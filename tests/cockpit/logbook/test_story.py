@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded_rig import recorded
+from recorded_rig import record_drive
 from supervisor_rig import STATE, Drive
 from typer.testing import CliRunner
 
@@ -47,7 +47,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name, changes in DRIVES.items():
         scenario = load_scenario(name, changes)
         paths[name] = folder / f"{name}.mcap"
-        recorded(paths[name], scenario, seed=5)
+        record_drive(paths[name], scenario, seed=5)
     whole = paths["lying_cv"]
     paths["part"] = folder / "part.mcap"
     held = read_recording(whole)
@@ -169,7 +169,7 @@ def test_the_picture_of_a_calm_moment_names_the_allowed_speed(calm: Recall) -> N
 def test_the_answer_and_the_picture_name_the_measurement_in_doubt(tmp_path: Path) -> None:
     fault = "[{kind: wrong_measurement, quantity: yaw_rate, form: absent, from_s: 0}]"
     scenario = load_scenario("straight", {"duration_s": "3", "faults": fault})
-    drive = recall(recorded(tmp_path / "yaw.mcap", scenario))
+    drive = recall(record_drive(tmp_path / "yaw.mcap", scenario))
     found = story(drive, 2.9)
     assert "cause doubted_state (yaw rate);" in story_text(found)
     _, panel = moment_figure(drive, found).axes
@@ -178,7 +178,7 @@ def test_the_answer_and_the_picture_name_the_measurement_in_doubt(tmp_path: Path
 
 def test_the_answer_says_how_far_the_camera_sees_and_what_ends_its_sight(tmp_path: Path) -> None:
     scenario = load_scenario("straight", {"duration_s": "1", "disturbances": "[{kind: fog, grade: 4}]"})
-    drive = recall(recorded(tmp_path / "fog.mcap", scenario))
+    drive = recall(record_drive(tmp_path / "fog.mcap", scenario))
     found = story(drive, 0.9)
     assert found["sight"]["sight_cause"] == "fog" and 35 < found["sight"]["sight_m"] < 60
     assert f"The camera sees {found['sight']['sight_m']:.0f} m: fog." in story_text(found)

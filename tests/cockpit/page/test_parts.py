@@ -278,15 +278,15 @@ def test_a_viewer_learns_that_a_stop_is_not_delivered():
 def test_only_a_present_heartbeat_of_the_vehicle_process_reports_that_the_car_is_held():
     air, hub, view, _ = idle_page()
 
-    def held(process: str, message: str, age_s: float) -> bool:
+    def is_held(process: str, message: str, age_s: float) -> bool:
         air.now_s += 10.0
         air.beat(process, message, air.now_s - age_s)
         hub.turn()
         return bool(view.state(air.now_s)["held"])
 
-    assert held("car", STOPPED, 0.5) and held("car", f"{STOPPED}; the car reports no state", 0.5)
-    assert not held("car", STOPPED, LATE_BEAT_S + 0.1) and not held("car", STOPPED, -60.0)
-    assert not held("cnn", STOPPED, 0.5) and not held("car", "", 0.5)
+    assert is_held("car", STOPPED, 0.5) and is_held("car", f"{STOPPED}; the car reports no state", 0.5)
+    assert not is_held("car", STOPPED, LATE_BEAT_S + 0.1) and not is_held("car", STOPPED, -60.0)
+    assert not is_held("cnn", STOPPED, 0.5) and not is_held("car", "", 0.5)
     air.beat("car", STOPPED)
     hub.turn()
     assert view.state(air.now_s)["held"]

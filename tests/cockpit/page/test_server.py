@@ -27,7 +27,7 @@ from trepid.wire import to_cdr
 
 
 @pytest.fixture(scope="module")
-def published(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[LivePage, Publisher]]:
+def page_and_publisher(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[LivePage, Publisher]]:
     folder = tmp_path_factory.mktemp("server")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_RUNTIME_DIR", str(folder))
@@ -41,8 +41,8 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[LivePa
 
 
 @pytest.fixture
-def page(published: tuple[LivePage, Publisher]) -> LivePage:
-    return published[0]
+def page(page_and_publisher: tuple[LivePage, Publisher]) -> LivePage:
+    return page_and_publisher[0]
 
 
 @contextmanager
@@ -77,9 +77,9 @@ def end_of(socket: ClientConnection) -> int:
     ],
 )
 def test_a_request_without_the_token_or_from_another_page_is_refused(
-    published: tuple[LivePage, Publisher], method: str, path: str
+    page_and_publisher: tuple[LivePage, Publisher], method: str, path: str
 ) -> None:
-    page, publisher = published
+    page, publisher = page_and_publisher
     for token in (None, "wrong"):
         assert page.request(method, path, {"stop": True}, token=token)[0] == 401
     assert page.request(method, path, {"stop": True}, Origin="http://elsewhere.example")[0] == 403
@@ -89,8 +89,8 @@ def test_a_request_without_the_token_or_from_another_page_is_refused(
 
 
 @pytest.mark.parametrize("body", [b"no json", [], {}, {"stop": "yes"}, {"stop": 1}])
-def test_a_stop_that_is_none_is_refused(published: tuple[LivePage, Publisher], body: object) -> None:
-    page, publisher = published
+def test_a_stop_that_is_none_is_refused(page_and_publisher: tuple[LivePage, Publisher], body: object) -> None:
+    page, publisher = page_and_publisher
     assert page.request("POST", "/stop", body)[0] == 400
     assert publisher.requests == 0
 
@@ -182,10 +182,10 @@ def test_the_number_of_viewers_has_a_limit(page: LivePage) -> None:
             viewers.enter_context(stream(page)).recv(timeout=5)
         with stream(page) as another:
             assert end_of(another) == TOO_MANY
-    assert until(lambda: _served(page), patience_s=5)
+    assert until(lambda: _is_served(page), patience_s=5)
 
 
-def _served(page: LivePage) -> bool:
+def _is_served(page: LivePage) -> bool:
     with stream(page) as viewer:
         try:
             return bool(viewer.recv(timeout=5))

@@ -13,25 +13,25 @@ from trepid.config import ROOT, InputError
 
 
 @pytest.fixture
-def started(monkeypatch: pytest.MonkeyPatch) -> "list[subprocess.Popen[bytes]]":
+def started_processes(monkeypatch: pytest.MonkeyPatch) -> "list[subprocess.Popen[bytes]]":
     """The processes that were started."""
     processes: list[subprocess.Popen[bytes]] = []
 
-    class Noted(subprocess.Popen[bytes]):
+    class NotedProcess(subprocess.Popen[bytes]):
         def __init__(self, *words: Any, **settings: Any) -> None:
             super().__init__(*words, **settings)
             processes.append(self)
 
-    monkeypatch.setattr(subprocess, "Popen", Noted)
+    monkeypatch.setattr(subprocess, "Popen", NotedProcess)
     return processes
 
 
 def test_without_estimators_there_is_no_process(
-    tmp_path: Path, started: "list[subprocess.Popen[bytes]]"
+    tmp_path: Path, started_processes: "list[subprocess.Popen[bytes]]"
 ) -> None:
     with estimate_ahead(tmp_path / "drive.mcap", [], ()) as ahead:
         assert next(ahead, "the end") == "the end"
-    assert not started
+    assert not started_processes
 
 
 def test_what_the_process_cannot_read_is_an_input_error_of_the_starter(tmp_path: Path) -> None:
@@ -41,20 +41,20 @@ def test_what_the_process_cannot_read_is_an_input_error_of_the_starter(tmp_path:
 
 
 def test_a_process_that_is_killed_is_reported(
-    tmp_path: Path, started: "list[subprocess.Popen[bytes]]"
+    tmp_path: Path, started_processes: "list[subprocess.Popen[bytes]]"
 ) -> None:
     with estimate_ahead(tmp_path / "drive.mcap", ["cv"], ()) as ahead:
-        started[0].kill()
+        started_processes[0].kill()
         with pytest.raises(InputError, match="ended too early, with exit code -9"):
             next(ahead)
 
 
 def test_the_process_ends_with_the_use_of_its_outputs(
-    tmp_path: Path, started: "list[subprocess.Popen[bytes]]"
+    tmp_path: Path, started_processes: "list[subprocess.Popen[bytes]]"
 ) -> None:
     with estimate_ahead(tmp_path / "drive.mcap", ["cv"], ()):
         pass
-    assert [process.returncode for process in started] == [-signal.SIGKILL]
+    assert [process.returncode for process in started_processes] == [-signal.SIGKILL]
 
 
 def test_the_process_ends_quietly_when_its_starter_has_ended(tmp_path: Path) -> None:

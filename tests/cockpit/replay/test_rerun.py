@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from driving_network_rig import write_network
-from recorded_rig import recorded
+from recorded_rig import record_drive
 from typer.testing import CliRunner
 
 from cockpit.logbook.recall import recall
@@ -42,14 +42,14 @@ WALKING = RoadUser(
 @pytest.fixture(scope="module")
 def unseen(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("unseen") / "drive.mcap"
-    return recorded(path, UNSEEN, seed=3)
+    return record_drive(path, UNSEEN, seed=3)
 
 
 @pytest.fixture(scope="module")
-def seen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def seen_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording with raw images."""
     path = tmp_path_factory.mktemp("seen") / "drive.mcap"
-    return recorded(path, SEEN, raw_images=True)
+    return record_drive(path, SEEN, raw_images=True)
 
 
 @pytest.fixture
@@ -67,8 +67,8 @@ def same(found: Rerun) -> bool:
     return all(one.compared and not one.different for one in found.topics.values())
 
 
-def test_every_node_repeats_a_lock_step_run_bit_for_bit(seen: Path) -> None:
-    found = rerun(seen, ["all"])
+def test_every_node_repeats_a_lock_step_run_bit_for_bit(seen_drive: Path) -> None:
+    found = rerun(seen_drive, ["all"])
     assert {key.split("/")[1] for key in found.topics} == {
         *("cv", "cnn", "image_statistics", "lead", "road_users", "decision", "command")
     }
@@ -79,7 +79,7 @@ def test_every_node_repeats_a_lock_step_run_bit_for_bit(seen: Path) -> None:
 def test_the_supervisor_waits_for_the_same_person_again(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     crossed = load_scenario("straight", {"duration_s": "8", "sight": "truth", "road_user_sensor": "modelled"})
-    recorded(path, crossed.model_copy(update={"road_users": (WALKING,)}))
+    record_drive(path, crossed.model_copy(update={"road_users": (WALKING,)}))
     decisions = read_recording(path, DECISION.key).of(DECISION)
     assert any(decision.road_user == "person" for _, decision in decisions)
     assert same(rerun(path, ["supervisor", "controller"]))
@@ -95,7 +95,7 @@ def test_without_raw_images_all_leaves_out_the_nodes_that_see_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "jpeg.mcap"
-    recorded(path, SEEN)
+    record_drive(path, SEEN)
     with monkeypatch.context() as without:
         without.delattr(subprocess, "Popen")  # no process is started for estimators that do not run
         found = rerun(path, ["all"])
@@ -169,7 +169,7 @@ def test_the_car_of_the_recording_is_in_use_during_a_replay_and_no_longer(tmp_pa
     try:
         path = tmp_path / "drive.mcap"
         scenario = load_scenario("lying_cv", {"sight": "truth", "duration_s": "3"})
-        recorded(path, scenario)
+        record_drive(path, scenario)
     finally:
         use_car(None)
     assert same(rerun(path, ["controller"]))
@@ -225,38 +225,38 @@ def test_malformed_losses_raise_no_fear_as_in_a_drive(unseen: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def networked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def network_drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A recording with raw images of a drive with a driving network, and the file of the network."""
     folder = tmp_path_factory.mktemp("networked")
     network = write_network(folder / "turn.onnx", gain_rad=0.1, memory=True)
     scenario = load_scenario("straight", {"duration_s": "1", **changes_of(["cv", str(network)])})
-    recorded(folder / "drive.mcap", scenario, raw_images=True)
+    record_drive(folder / "drive.mcap", scenario, raw_images=True)
     return folder / "drive.mcap", network
 
 
 def test_a_driving_network_repeats_its_drive_from_the_file_that_the_recording_names(
-    networked: tuple[Path, Path],
+    network_drive: tuple[Path, Path],
 ) -> None:
-    found = rerun(networked[0], ["all"])
+    found = rerun(network_drive[0], ["all"])
     assert "perception/turn/estimate" in found.topics and not found.left_out
     assert same(found)
 
 
 def test_another_network_is_judged_on_the_recorded_drive(
-    networked: tuple[Path, Path], tmp_path: Path
+    network_drive: tuple[Path, Path], tmp_path: Path
 ) -> None:
     other = write_network(tmp_path / "turn.onnx", gain_rad=0.2, memory=True)
-    found = rerun(networked[0], ["all"], networks=[str(other)])
+    found = rerun(network_drive[0], ["all"], networks=[str(other)])
     assert found.topics["perception/turn/estimate"].different > 0
     assert found.topics["perception/cv/estimate"].different == 0
     with pytest.raises(
         InputError, match=r"--estimator .*swerve\.onnx: no driving network 'swerve' in the rec"
     ):
-        rerun(networked[0], ["all"], networks=[str(other.rename(tmp_path / "swerve.onnx"))])
+        rerun(network_drive[0], ["all"], networks=[str(other.rename(tmp_path / "swerve.onnx"))])
 
 
-def test_a_network_that_has_changed_is_left_out_and_named(networked: tuple[Path, Path]) -> None:
-    path, network = networked
+def test_a_network_that_has_changed_is_left_out_and_named(network_drive: tuple[Path, Path]) -> None:
+    path, network = network_drive
     kept = network.read_bytes()
     for state, changed in (("has changed since", b"other"), ("is not there any more", None)):
         try:
@@ -272,7 +272,7 @@ def test_a_network_that_has_changed_is_left_out_and_named(networked: tuple[Path,
             network.write_bytes(kept)
 
 
-def replayed(*arguments: str) -> tuple[int, str]:
+def run_replay(*arguments: str) -> tuple[int, str]:
     result = CliRunner().invoke(app, ["replay", *arguments], standalone_mode=False)
     if isinstance(result.exception, InputError):
         raise result.exception
@@ -280,18 +280,18 @@ def replayed(*arguments: str) -> tuple[int, str]:
 
 
 def test_json_gives_frames_differences_and_the_first_one(unseen: Path, timid: Path) -> None:
-    code, text = replayed(str(unseen), "--through", "supervisor", "--json")
+    code, text = run_replay(str(unseen), "--through", "supervisor", "--json")
     row = json.loads(text)
     assert (code, row["differences"], row["first_difference"]) == (0, 0, None)
     assert row["frames"] > 200
-    code, text = replayed(str(unseen), "--through", "supervisor", "--rules", str(timid), "--json")
+    code, text = run_replay(str(unseen), "--through", "supervisor", "--rules", str(timid), "--json")
     row = json.loads(text)
     assert code == 1 and row["differences"] > 0
     assert set(row["first_difference"]) == {"t_s", "topic", "field", "recorded", "replayed"}
 
 
 def test_the_text_names_what_differs_and_when(unseen: Path, timid: Path) -> None:
-    code, text = replayed(str(unseen), "--through", "all", "--rules", str(timid))
+    code, text = run_replay(str(unseen), "--through", "all", "--rules", str(timid))
     assert code == 1
     assert "supervisor/decision" in text and "first at " in text and "greatest at " in text
 
@@ -312,7 +312,7 @@ def test_bad_input_is_one_line(unseen: Path, tmp_path: Path, arguments: list[str
             for at_s, decision in read_recording(unseen, DECISION.key).of(DECISION)[:3]:
                 file.add(DECISION.key, to_cdr(decision), at_s=at_s)
     with pytest.raises(InputError, match=message):
-        replayed(str(path), *arguments)
+        run_replay(str(path), *arguments)
 
 
 def test_a_recording_without_decisions_is_refused(tmp_path: Path) -> None:
@@ -324,4 +324,4 @@ def test_a_recording_without_decisions_is_refused(tmp_path: Path) -> None:
     existing = tmp_path / "there.mcap"
     existing.write_text("precious")
     with pytest.raises(InputError, match="exists already"):
-        replayed(str(path), "--through", "all", "--out", str(existing))
+        run_replay(str(path), "--through", "all", "--out", str(existing))

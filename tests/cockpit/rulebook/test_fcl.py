@@ -30,18 +30,18 @@ SMALL = small_rules(
 TEXT = fcl(SMALL)
 
 
-def compiled(file: RuleFile) -> FearRules:
+def compile_rules(file: RuleFile) -> FearRules:
     return FearRules(file, tuple(parse_rule(text, file.inputs, outputs=file.outputs) for text in file.rules))
 
 
 def read_back(rules: FearRules) -> FearRules:
-    return compiled(parse_fcl(fcl(rules), source="rules.fcl", like=SHIPPED.file))
+    return compile_rules(parse_fcl(fcl(rules), source="rules.fcl", like=SHIPPED.file))
 
 
 @pytest.mark.parametrize("rules", [SHIPPED, SMALL], ids=["shipped", "small"])
 @pytest.mark.parametrize("method", ["monotone", "mamdani"])
 def test_exported_and_imported_rules_infer_the_same_to_the_last_bit(rules: FearRules, method: str) -> None:
-    own = compiled(rules.file.model_copy(update={"method": method}))
+    own = compile_rules(rules.file.model_copy(update={"method": method}))
     again, rng = read_back(own), random.Random(5)
     for _ in range(50):
         point = {n: rng.choice([rng.uniform(*s.range), None]) for n, s in rules.inputs.items()}
@@ -54,7 +54,7 @@ def test_exported_and_imported_rules_infer_the_same_to_the_last_bit(rules: FearR
 
 def test_spaces_between_the_words_of_a_rule_change_nothing() -> None:
     rules = [rule.replace(" ", "  ") for rule in SMALL.file.rules]
-    spaced = compiled(SMALL.file.model_copy(update={"rules": type(SMALL.file.rules)(rules)}))
+    spaced = compile_rules(SMALL.file.model_copy(update={"rules": type(SMALL.file.rules)(rules)}))
     assert any("with  weight" in rule for rule in rules)
     assert fcl(spaced) == fcl(SMALL)
 
@@ -146,7 +146,7 @@ def test_comments_cogs_brackets_ranges_and_capitals_change_nothing(old: str, new
 )
 def test_brackets_of_a_condition_group_as_deep_as_they_are_written(condition: str) -> None:
     plain, nested = (
-        compiled(parse_fcl(text, source="f.fcl", like=SHIPPED.file))
+        compile_rules(parse_fcl(text, source="f.fcl", like=SHIPPED.file))
         for text in (FOREIGN, FOREIGN.replace("a IS low AND NOT (b IS high)", condition, 1))
     )
     rng = random.Random(3)

@@ -49,7 +49,7 @@ def test_in_time_the_gain_on_the_offset_does_not_grow_with_speed():
     assert fast.offset_1pm2 * 10.0**2 == pytest.approx(faster.offset_1pm2 * 30.0**2)
 
 
-def mirrored(one):
+def mirror(one):
     return Lane(*(-value for value in one[:4]), one.lookahead_m)
 
 
@@ -79,7 +79,7 @@ def test_far_from_the_centre_it_demands_at_most_the_largest_approach_angle():
 @given(finite, finite, finite, finite, st.floats(0, 30))
 def test_the_law_is_mirror_symmetric(offset, heading, curvature, rate, speed):
     one = lane(offset, heading, 0.1 * curvature, 0.01 * rate)
-    assert curvature_for(one, speed) == -curvature_for(mirrored(one), speed)
+    assert curvature_for(one, speed) == -curvature_for(mirror(one), speed)
 
 
 def predictor(car=SHUTTLE):

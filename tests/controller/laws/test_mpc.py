@@ -112,7 +112,7 @@ def ipopt():
     return solve
 
 
-def converged(problem):
+def converge(problem):
     solver = Solver(GRID, SOFT)
     for _ in range(15):
         plan = solver.solve(problem)
@@ -122,7 +122,7 @@ def converged(problem):
 def test_repeated_iterations_reach_the_optimum_that_ipopt_finds():
     at_limits = 0
     for problem in problems(25):
-        plan, best = converged(problem), ipopt()(problem)
+        plan, best = converge(problem), ipopt()(problem)
         assert plan == pytest.approx(best, abs=2e-5)
         at_limits += plan.max() > problem.rate_high - 1e-6 or plan.min() < problem.rate_low + 1e-6
     assert at_limits >= 5
@@ -138,7 +138,7 @@ def test_one_iteration_after_a_tick_is_as_good_as_many():
     later = CALM._replace(
         **dict(zip(Problem._fields[:4], np.array(after).ravel().tolist(), strict=True)), curvature_1pm=0.01025
     )
-    assert solver.solve(later, shift=share) == pytest.approx(converged(later), abs=2e-3)
+    assert solver.solve(later, shift=share) == pytest.approx(converge(later), abs=2e-3)
 
 
 def test_the_mirrored_problem_has_the_mirrored_plan():
@@ -149,7 +149,7 @@ def test_the_mirrored_problem_has_the_mirrored_plan():
             rate_low=-problem.rate_high,
             rate_high=-problem.rate_low,
         )
-        assert converged(mirrored) == pytest.approx(-converged(problem), abs=1e-9)
+        assert converge(mirrored) == pytest.approx(-converge(problem), abs=1e-9)
 
 
 def test_every_plan_keeps_rate_and_command_within_their_limits():
@@ -264,7 +264,7 @@ def test_without_finite_inputs_the_last_command_is_held(seen):
     assert mpc.curvature(seen, dt_s=DT_S) == demanded[-1] != 0.0
 
 
-class Broken:
+class BrokenSolver:
     """A QP solver that reports success and NaN, as DAQP does on NaN, or a status of failure."""
 
     def __init__(self, status, value):
@@ -283,7 +283,7 @@ def test_a_failed_solution_is_never_used_and_leaves_nothing_behind(status, value
     mpc, fresh = law(), law()
     for one in (mpc, fresh):
         one.curvature(seen, dt_s=DT_S)
-    mpc._solver._qp = Broken(status, value)
+    mpc._solver._qp = BrokenSolver(status, value)
     demanded = mpc.curvature(seen, dt_s=DT_S)
     assert mpc.doing == "falling back: no solution"
     assert demanded == build_law(LQI, SHUTTLE).curvature(seen, dt_s=DT_S)

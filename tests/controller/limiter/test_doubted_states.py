@@ -20,7 +20,7 @@ DOUBTS = {
 }
 
 
-def driven(changes, *, measured_s=0.1, duration_s=1.0, wanted_rad=0.05):
+def drive_limiter(changes, *, measured_s=0.1, duration_s=1.0, wanted_rad=0.05):
     """Outputs of the limiter under a demand to steer and to accelerate; the state changes at ``measured_s``."""
     limiter, outputs = build(CAR), []
     for k in range(round(duration_s / 0.01)):
@@ -33,7 +33,7 @@ def driven(changes, *, measured_s=0.1, duration_s=1.0, wanted_rad=0.05):
 
 @pytest.mark.parametrize("name", DOUBTS)
 def test_commands_go_on_steering_and_the_car_brakes(name):
-    limiter, outputs = driven(DOUBTS[name])
+    limiter, outputs = drive_limiter(DOUBTS[name])
     assert outputs[-1].road_wheel_angle_rad == pytest.approx(0.05)
     assert all(output.accel_mps2 <= -1.0 for output in outputs[10:])
     assert not limiter.handed_over
@@ -41,12 +41,12 @@ def test_commands_go_on_steering_and_the_car_brakes(name):
 
 @pytest.mark.parametrize("name", ["speed", "both"])
 def test_without_a_speed_the_stop_follows(name):
-    limiter, outputs = driven(DOUBTS[name])
+    limiter, outputs = drive_limiter(DOUBTS[name])
     assert limiter.stopping
     assert outputs[-1].accel_mps2 == pytest.approx(-3.5)
 
 
 @pytest.mark.parametrize("name", DOUBTS)
 def test_a_car_whose_wheels_were_never_seen_is_not_steered(name):
-    limiter, _ = driven(DOUBTS[name], measured_s=0.0)
+    limiter, _ = drive_limiter(DOUBTS[name], measured_s=0.0)
     assert not limiter.has_seen_wheel

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from limiter_rig import AT_ONCE, DT_S, EXACT, limiter, seen, state
+from limiter_rig import AT_ONCE, DT_S, EXACT, limiter, seen_state, state
 from message_rig import SHUTTLE, command, vehicle
 
 from controller.limiter.turn import Excess, SteadyTurn
@@ -21,7 +21,7 @@ def edge_rad(speed_mps, lateral_mps2=AY):
     return TURN.angle_rad(lateral_mps2 / speed_mps**2, speed_mps)
 
 
-def stepped(one, now_s, *, wanted=0.0, accel=0.0, speed=10.0, **changes):
+def step_fresh(one, now_s, *, wanted=0.0, accel=0.0, speed=10.0, **changes):
     """One step with everything fresh."""
     requested = command(now_s, road_wheel_angle_rad=wanted, accel_mps2=accel)
     return one.step(requested, now_s, state(now_s, speed_mps=speed, **changes), now_s=now_s)
@@ -36,13 +36,13 @@ def test_the_first_state_is_neither_stopped_nor_handed_over_nor_saturated():
 
 def test_the_report_carries_override_and_saturation_and_keeps_the_rest_of_the_state():
     one, reported = limiter(EXACT), state(3.0, speed_mps=7.0, driver_torque_nm=0.5)
-    stepped(one, 0.0)
+    step_fresh(one, 0.0)
     assert one.report(reported) == state(3.0, speed_mps=7.0, driver_torque_nm=0.5, saturated=False)
     for n in range(80):
-        stepped(one, n / 64, wanted=0.5)
+        step_fresh(one, n / 64, wanted=0.5)
     assert one.is_saturated
     assert one.report(reported).saturated is True
-    stepped(one, 1.5, driver_override=True)
+    step_fresh(one, 1.5, driver_override=True)
     assert one.report(reported).driver_override is True
     assert one.handed_over is True
 
@@ -50,13 +50,13 @@ def test_the_report_carries_override_and_saturation_and_keeps_the_rest_of_the_st
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_the_angle_is_that_of_the_limit_at_the_speed_to_come(sign):
     """A drive of 1.2 m/s² makes 0.18 m/s while the wheel follows."""
-    out = stepped(limiter(ANY_JERK, QUICK), 0.0, wanted=sign * 0.99 * edge_rad(10.0), accel=1.2)
+    out = step_fresh(limiter(ANY_JERK, QUICK), 0.0, wanted=sign * 0.99 * edge_rad(10.0), accel=1.2)
     assert out.accel_mps2 == 1.2
-    still = stepped(limiter(ANY_JERK, QUICK), 0.0, wanted=sign * 2.0)
+    still = step_fresh(limiter(ANY_JERK, QUICK), 0.0, wanted=sign * 2.0)
     assert still.road_wheel_angle_rad == 0.0  # a first step has no time to move the wheel
     one = limiter(ANY_JERK, QUICK)
-    stepped(one, 0.0, accel=1.2)
-    out = stepped(one, DT_S, wanted=sign * 0.99 * edge_rad(10.0), accel=1.2)
+    step_fresh(one, 0.0, accel=1.2)
+    out = step_fresh(one, DT_S, wanted=sign * 0.99 * edge_rad(10.0), accel=1.2)
     assert out.road_wheel_angle_rad == pytest.approx(sign * edge_rad(10.0 + 1.2 * LATE_S), rel=1e-12)
     assert out.accel_mps2 == 1.2
 
@@ -64,8 +64,8 @@ def test_the_angle_is_that_of_the_limit_at_the_speed_to_come(sign):
 @pytest.mark.parametrize("accel", [0.0, -0.5])
 def test_without_drive_the_speed_to_come_is_that_of_now(accel):
     one = limiter(ANY_JERK, QUICK)
-    stepped(one, 0.0, accel=accel)
-    out = stepped(one, DT_S, wanted=2.0, accel=accel)
+    step_fresh(one, 0.0, accel=accel)
+    out = step_fresh(one, DT_S, wanted=2.0, accel=accel)
     assert out.road_wheel_angle_rad == pytest.approx(edge_rad(10.0), rel=1e-12)
     assert out.accel_mps2 == -1.0
 
@@ -73,25 +73,25 @@ def test_without_drive_the_speed_to_come_is_that_of_now(accel):
 def test_a_drive_just_let_go_still_makes_speed():
     """It follows with a lag of first order: after n steps of 1.2 m/s², 1.2·(1 - (1 - dt/(τ + dt))ⁿ)."""
     one = limiter(ANY_JERK, QUICK)
-    stepped(one, 0.0, accel=1.2)  # no time has passed: the drive has no effect yet
+    step_fresh(one, 0.0, accel=1.2)  # no time has passed: the drive has no effect yet
     for n in range(1, 21):
-        stepped(one, n * DT_S, accel=1.2)
+        step_fresh(one, n * DT_S, accel=1.2)
     gaining = 1.2 * (1.0 - (1.0 - DT_S / (SHUTTLE.accel_lag_s + DT_S)) ** 20)
     assert 0.5 < gaining < 1.0
-    out = stepped(one, 21 * DT_S, wanted=0.99 * edge_rad(10.0), accel=-0.5)
+    out = step_fresh(one, 21 * DT_S, wanted=0.99 * edge_rad(10.0), accel=-0.5)
     assert out.road_wheel_angle_rad == pytest.approx(edge_rad(10.0 + gaining * LATE_S), rel=1e-12)
 
 
 def test_a_drive_without_lag_follows_at_once_and_with_no_time_not_at_all():
     prompt = vehicle(max_road_wheel_rate_radps=1e6, accel_lag_s=0.0)
     one = limiter(ANY_JERK, prompt)
-    stepped(one, 0.0, accel=1.2)
-    stepped(one, DT_S, accel=1.2)
-    out = stepped(one, 2 * DT_S, wanted=0.99 * edge_rad(10.0), accel=-0.5)
+    step_fresh(one, 0.0, accel=1.2)
+    step_fresh(one, DT_S, accel=1.2)
+    out = step_fresh(one, 2 * DT_S, wanted=0.99 * edge_rad(10.0), accel=-0.5)
     assert out.road_wheel_angle_rad == pytest.approx(edge_rad(10.0 + 1.2 * LATE_S), rel=1e-12)
     one = limiter(ANY_JERK, prompt)
-    stepped(one, 0.0, accel=1.2)
-    out = stepped(one, DT_S, wanted=0.99 * edge_rad(10.0), accel=-0.5)
+    step_fresh(one, 0.0, accel=1.2)
+    out = step_fresh(one, DT_S, wanted=0.99 * edge_rad(10.0), accel=-0.5)
     assert out.road_wheel_angle_rad == pytest.approx(0.99 * edge_rad(10.0), rel=1e-12)
 
 
@@ -99,13 +99,13 @@ def test_a_drive_without_lag_follows_at_once_and_with_no_time_not_at_all():
 def test_the_excess_of_the_yaw_rate_narrows_its_own_side_only(sign):
     yaw_rate_radps = sign * 0.02
     excess = Excess(TURN, ANY_JERK)
-    excess.step(seen(speed_mps=10.0, yaw_rate_radps=yaw_rate_radps), 0.0)
-    e_mps2 = abs(excess.step(seen(speed_mps=10.0, yaw_rate_radps=yaw_rate_radps), DT_S))
+    excess.step(seen_state(speed_mps=10.0, yaw_rate_radps=yaw_rate_radps), 0.0)
+    e_mps2 = abs(excess.step(seen_state(speed_mps=10.0, yaw_rate_radps=yaw_rate_radps), DT_S))
     assert 0.3 < e_mps2 < 1.0
     for side, lateral_mps2 in ((sign, AY - e_mps2), (-sign, AY)):
         one = limiter(ANY_JERK, QUICK)
-        stepped(one, 0.0, yaw_rate_radps=yaw_rate_radps)
-        out = stepped(one, DT_S, wanted=side * 2.0, yaw_rate_radps=yaw_rate_radps)
+        step_fresh(one, 0.0, yaw_rate_radps=yaw_rate_radps)
+        out = step_fresh(one, DT_S, wanted=side * 2.0, yaw_rate_radps=yaw_rate_radps)
         assert out.road_wheel_angle_rad == pytest.approx(side * edge_rad(10.0, lateral_mps2), rel=1e-9)
 
 
@@ -116,7 +116,7 @@ def test_a_bend_leaves_as_much_brake_and_drive_as_its_jerk_allows(lateral_mps2):
     most = 8.0 / (9.75 * abs(lateral_mps2))
     start = edge_rad(4.0, lateral_mps2)
     for requested in (1.4, -3.0):
-        out = stepped(
+        out = step_fresh(
             limiter(little), 0.0, wanted=start, accel=requested, speed=4.0, road_wheel_angle_rad=start
         )
         assert out.accel_mps2 == pytest.approx(math.copysign(most, requested), rel=1e-6)
@@ -128,7 +128,7 @@ def test_brake_and_bend_together_are_no_more_than_the_hardest_brake(lateral_mps2
     start = edge_rad(10.0, lateral_mps2)
     for requested, given_out in ((-4.0, -most), (-3.0, -3.0), (1.5, 1.5)):
         one = limiter(ANY_JERK)
-        out = stepped(one, 0.0, wanted=start, accel=requested, speed=10.0, road_wheel_angle_rad=start)
+        out = step_fresh(one, 0.0, wanted=start, accel=requested, speed=10.0, road_wheel_angle_rad=start)
         assert out.accel_mps2 == pytest.approx(given_out, rel=1e-6)
 
 
@@ -137,7 +137,7 @@ def test_a_bend_as_hard_as_the_hardest_brake_leaves_the_comfort_brake():
     for lateral_mps2, most in ((2.9, 1.5), (2.0, math.sqrt(3.1**2 - 4.0))):
         start = edge_rad(10.0, lateral_mps2)
         one = limiter(weak)
-        out = stepped(one, 0.0, wanted=start, accel=-4.0, speed=10.0, road_wheel_angle_rad=start)
+        out = step_fresh(one, 0.0, wanted=start, accel=-4.0, speed=10.0, road_wheel_angle_rad=start)
         assert out.accel_mps2 == pytest.approx(-most, rel=1e-6)
 
 
@@ -148,67 +148,67 @@ def test_in_a_bend_too_tight_for_the_speed_the_brake_is_that_of_the_limit():
         (little, 1.0 * 10.0 / 10.875 * 10.0 / (2.0 * AY)),
         (ANY_JERK, math.sqrt(16.0 - AY**2)),
     ):
-        out = stepped(limiter(limits), 0.0, wanted=0.3, accel=-4.0, speed=10.0, road_wheel_angle_rad=0.3)
+        out = step_fresh(limiter(limits), 0.0, wanted=0.3, accel=-4.0, speed=10.0, road_wheel_angle_rad=0.3)
         assert out.accel_mps2 == pytest.approx(-most)
 
 
 def test_the_wheel_is_handed_back_as_it_is_and_its_rate_grows_from_nothing():
     """At standstill only the rate limits: share n/64 of rate·dt in the n-th step of 0.5 s of 64 steps."""
     one = limiter(EXACT)
-    stepped(one, 0.0, speed=0.0)
+    step_fresh(one, 0.0, speed=0.0)
     for n in range(1, 100):
-        stepped(one, n * DT_S, speed=0.0, wanted=0.0, road_wheel_angle_rad=0.2, driver_override=True)
+        step_fresh(one, n * DT_S, speed=0.0, wanted=0.0, road_wheel_angle_rad=0.2, driver_override=True)
     assert one.handed_over
     reach_rad, angle_rad = SHUTTLE.max_road_wheel_rate_radps * DT_S, 0.2
     for n in range(1, 70):
-        out = stepped(one, (99 + n) * DT_S, speed=0.0, wanted=0.5, road_wheel_angle_rad=0.2)
+        out = step_fresh(one, (99 + n) * DT_S, speed=0.0, wanted=0.5, road_wheel_angle_rad=0.2)
         angle_rad += reach_rad * min(n / 64, 1.0)
         assert out.road_wheel_angle_rad == pytest.approx(angle_rad, rel=1e-12)
 
 
 def test_when_the_driver_takes_over_drive_and_brake_fade_and_the_command_stays_that_of_its_frame():
     one = limiter(EXACT)
-    stepped(one, 0.0, accel=-2.0)
+    step_fresh(one, 0.0, accel=-2.0)
     accels = []
     for n in range(1, 70):
-        out = stepped(one, n * DT_S, accel=-2.0, driver_override=True, road_wheel_angle_rad=0.1, speed=6.0)
+        out = step_fresh(one, n * DT_S, accel=-2.0, driver_override=True, road_wheel_angle_rad=0.1, speed=6.0)
         accels.append(out.accel_mps2)
         assert (out.t_s, out.road_wheel_angle_rad, out.speed_mps) == (n * DT_S, 0.1, 6.0)
     assert accels[:2] == [-2.0 + 4.0 * DT_S, -2.0 + 8.0 * DT_S]
     assert accels[-6:] == [0.0] * 6
     one = limiter(EXACT)
-    stepped(one, 0.0, accel=1.0)
-    out = stepped(one, DT_S, accel=1.0, driver_override=True)
+    step_fresh(one, 0.0, accel=1.0)
+    out = step_fresh(one, DT_S, accel=1.0, driver_override=True)
     assert out.accel_mps2 == 1.0 - 4.0 * DT_S
-    assert stepped(limiter(EXACT), 0.0, accel=1.0, driver_override=True).accel_mps2 == 0.0
+    assert step_fresh(limiter(EXACT), 0.0, accel=1.0, driver_override=True).accel_mps2 == 0.0
 
 
 def test_the_driver_ends_a_stop_and_the_count_of_cuts_falls():
     one = limiter(EXACT)
     for n in range(80):
-        stepped(one, n / 64, wanted=0.5)
+        step_fresh(one, n / 64, wanted=0.5)
     assert one.is_saturated
     one.step(command(accel_mps2=math.nan), 1.25, state(1.25), now_s=1.25)
     assert one.stopping is True
-    stepped(one, 1.265625, driver_override=True)
+    step_fresh(one, 1.265625, driver_override=True)
     assert one.stopping is False
     for n in range(1, 40):
-        stepped(one, 1.265625 + n / 64, driver_override=True)
+        step_fresh(one, 1.265625 + n / 64, driver_override=True)
     assert one.is_saturated is False
 
 
 def test_the_driver_is_found_by_a_wheel_that_does_not_follow():
     one = limiter(EXACT)
     for n in range(16):
-        stepped(one, n / 64)
-    found = [stepped(one, 0.25 + n / 64, road_wheel_angle_rad=0.1) and one.handed_over for n in range(20)]
+        step_fresh(one, n / 64)
+    found = [step_fresh(one, 0.25 + n / 64, road_wheel_angle_rad=0.1) and one.handed_over for n in range(20)]
     assert found == [False] * 15 + [True] * 5
-    assert stepped(one, 0.5625, wanted=0.3, road_wheel_angle_rad=0.12).road_wheel_angle_rad == 0.12
+    assert step_fresh(one, 0.5625, wanted=0.3, road_wheel_angle_rad=0.12).road_wheel_angle_rad == 0.12
 
 
 def test_without_a_state_the_driver_does_not_have_the_car():
     one = limiter(EXACT)
-    stepped(one, 0.0, driver_override=True)
+    step_fresh(one, 0.0, driver_override=True)
     assert one.handed_over is True
     one.step(command(DT_S), DT_S, None, now_s=DT_S)
     assert one.handed_over is False
@@ -229,16 +229,16 @@ def test_commands_at_too_low_a_rate_brake_the_car():
 @pytest.mark.parametrize("age_s,accel", [(0.0625, 1.0), (0.0626, -1.0)])
 def test_a_late_command_brakes_until_the_next_one_comes(age_s, accel):
     one = limiter()
-    stepped(one, 0.0, accel=1.0)
+    step_fresh(one, 0.0, accel=1.0)
     assert one.step(command(accel_mps2=1.0), 0.0, state(age_s), now_s=age_s).accel_mps2 == accel
-    assert stepped(one, 0.125, accel=1.0, speed=5.0).accel_mps2 == 1.0
+    assert step_fresh(one, 0.125, accel=1.0, speed=5.0).accel_mps2 == 1.0
     assert one.stopping is False
 
 
 @pytest.mark.parametrize("age_s,stops", [(0.25, False), (0.2501, True)])
 def test_commands_are_lost_after_their_timeout(age_s, stops):
     one = limiter()
-    stepped(one, 0.0)
+    step_fresh(one, 0.0)
     one.step(command(), 0.0, state(age_s), now_s=age_s)
     assert one.stopping is stops
 
@@ -246,7 +246,7 @@ def test_commands_are_lost_after_their_timeout(age_s, stops):
 @pytest.mark.parametrize("age_s,stops", [(0.125, False), (0.1251, True)])
 def test_states_are_lost_after_their_timeout(age_s, stops):
     one = limiter()
-    stepped(one, 0.0)
+    step_fresh(one, 0.0)
     one.step(command(age_s), age_s, None, now_s=age_s)
     assert one.stopping is stops
 
@@ -261,7 +261,7 @@ def test_the_limiter_says_why_it_stops_the_car_until_it_does_so_no_more():
     assert said == ["", NO_COMMAND, NO_COMMAND, ""]
     one.step(command(0.5), 0.5, None, now_s=0.5)
     assert one.stop_reason == NO_SPEED
-    stepped(one, 0.51, driver_override=True)
+    step_fresh(one, 0.51, driver_override=True)
     assert one.stop_reason == ""
 
 
@@ -271,9 +271,9 @@ def test_a_limiter_that_never_got_a_command_or_stops_on_request_names_no_reason_
         one.step(None, None, state(now_s), now_s=now_s)
     assert one.stopping and one.stop_reason == ""
     other = limiter()
-    stepped(other, 0.0)
+    step_fresh(other, 0.0)
     other.stopping = True
-    stepped(other, DT_S)
+    step_fresh(other, DT_S)
     assert other.stopping and other.stop_reason == ""
 
 
@@ -281,14 +281,14 @@ def test_a_limiter_that_never_got_a_command_or_stops_on_request_names_no_reason_
 def test_a_stop_ends_at_standstill(speed, stops):
     one = limiter()
     one.step(command(accel_mps2=math.nan), 0.0, state(), now_s=0.0)
-    stepped(one, DT_S, speed=speed)
+    step_fresh(one, DT_S, speed=speed)
     assert one.stopping is stops
 
 
 def test_the_last_curvature_is_held_for_the_speed_of_now():
     one = limiter(ANY_JERK, QUICK)
-    stepped(one, 0.0)
-    angle_rad = stepped(one, DT_S, wanted=0.05).road_wheel_angle_rad
+    step_fresh(one, 0.0)
+    angle_rad = step_fresh(one, DT_S, wanted=0.05).road_wheel_angle_rad
     out = one.step(None, None, state(2 * DT_S, speed_mps=8.0), now_s=2 * DT_S)
     expected = TURN.angle_rad(TURN.curvature_1pm(angle_rad, 10.0), 8.0)
     assert out.road_wheel_angle_rad == pytest.approx(expected, rel=1e-12)
@@ -299,20 +299,20 @@ def test_more_commands_open_no_limit():
     """Limits are per elapsed time: eight steps within a tick move the wheel as far as one does."""
     once, often = limiter(), limiter()
     for one in (once, often):
-        stepped(one, 0.0, speed=0.0)
+        step_fresh(one, 0.0, speed=0.0)
     for n in range(1, 9):
-        many = stepped(often, n * DT_S / 8, wanted=0.5, speed=0.0)
-        again = stepped(often, n * DT_S / 8, wanted=0.5, speed=0.0)
+        many = step_fresh(often, n * DT_S / 8, wanted=0.5, speed=0.0)
+        again = step_fresh(often, n * DT_S / 8, wanted=0.5, speed=0.0)
         assert again.road_wheel_angle_rad == many.road_wheel_angle_rad
-    single = stepped(once, DT_S, wanted=0.5, speed=0.0)
+    single = step_fresh(once, DT_S, wanted=0.5, speed=0.0)
     assert many.road_wheel_angle_rad == pytest.approx(single.road_wheel_angle_rad, rel=1e-9)
 
 
 def test_the_jerk_is_that_of_the_middle_of_the_car():
     """The wheel may make J·v/(v + L/2): 5 m/s³·5/(5 + 0.875)."""
     one = limiter()
-    stepped(one, 0.0, speed=5.0)
-    out = stepped(one, DT_S, wanted=1.0, speed=5.0)
+    step_fresh(one, 0.0, speed=5.0)
+    out = step_fresh(one, DT_S, wanted=1.0, speed=5.0)
     jerk_mps3 = 5.0 * 5.0 / 5.875
     expected = TURN.angle_rad(jerk_mps3 * DT_S / 25.0, 5.0)
     assert out.road_wheel_angle_rad == pytest.approx(expected, rel=1e-12)
@@ -320,15 +320,15 @@ def test_the_jerk_is_that_of_the_middle_of_the_car():
 
 def test_the_first_demands_fade_in_too():
     one = limiter(EXACT)
-    stepped(one, 0.0, speed=0.0)
-    out = stepped(one, DT_S, speed=0.0, wanted=0.5)
+    step_fresh(one, 0.0, speed=0.0)
+    out = step_fresh(one, DT_S, speed=0.0, wanted=0.5)
     assert out.road_wheel_angle_rad == pytest.approx(SHUTTLE.max_road_wheel_rate_radps * DT_S / 64)
 
 
 @pytest.mark.parametrize("requested,given_out", [(-2.0, -2.0), (-9.0, -4.0), (1.0, -1.0)])
 def test_without_a_state_a_command_may_brake_more_than_gently(requested, given_out):
     one = limiter()
-    stepped(one, 0.0)
+    step_fresh(one, 0.0)
     assert one.step(command(DT_S, accel_mps2=requested), DT_S, None, now_s=DT_S).accel_mps2 == given_out
 
 
@@ -337,5 +337,5 @@ def test_the_hand_back_brakes_for_no_command_that_came_under_the_driver():
     one = limiter(EXACT)
     for n in range(400):
         hands = 100 <= n < 300
-        out = stepped(one, n * DT_S, accel=0.0, driver_override=hands)
+        out = step_fresh(one, n * DT_S, accel=0.0, driver_override=hands)
         assert out.accel_mps2 == 0.0, n

@@ -82,7 +82,7 @@ def rejections(safety, steer, *, car, seed, seconds=6.0):
     return count
 
 
-def limited(car, scale=1.0):
+def limiter_steering(car, scale=1.0):
     """Steers through the limiter at opendbc's limits."""
     same = SHIPPED.model_copy(
         update=dict(
@@ -113,14 +113,17 @@ CARS = {
 @pytest.mark.parametrize("name", CARS)
 def test_opendbc_rejects_nothing_that_the_limiter_passes_at_its_limits(safety, name):
     car = CARS[name]
-    assert sum(rejections(safety, limited(car), car=car, seed=seed) for seed in range(12)) == 0
+    assert sum(rejections(safety, limiter_steering(car), car=car, seed=seed) for seed in range(12)) == 0
 
 
 def test_opendbc_rejects_unlimited_commands_and_commands_a_fifth_beyond(safety):
     """Shows that the test above can fail."""
     bare = sum(rejections(safety, lambda w, v, a, t: (w, a), car=SHUTTLE, seed=seed) for seed in range(5))
     assert bare > 100
-    assert sum(rejections(safety, limited(SHUTTLE, 1.2), car=SHUTTLE, seed=seed) for seed in range(10)) > 100
+    assert (
+        sum(rejections(safety, limiter_steering(SHUTTLE, 1.2), car=SHUTTLE, seed=seed) for seed in range(10))
+        > 100
+    )
 
 
 def test_the_shipped_limits_are_within_iso_and_below_the_acceleration_of_opendbc():

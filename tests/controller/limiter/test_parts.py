@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from limiter_rig import DT_S, EXACT, EXACT_CAR, seen, state
+from limiter_rig import DT_S, EXACT, EXACT_CAR, seen_state, state
 from message_rig import SHUTTLE, command, vehicle
 
 import controller.limiter
@@ -147,10 +147,10 @@ def test_a_plausible_state_is_used_unchanged():
         driver_torque_nm=-1.0,
         driver_override=True,
     )
-    assert plausible_state(full, 1.0, EXACT) == seen(
+    assert plausible_state(full, 1.0, EXACT) == seen_state(
         speed_mps=4.0, wheel_rad=0.1, driver=True, torque_nm=-1.0, yaw_rate_radps=0.2
     )
-    assert plausible_state(state(1.0), 1.0, EXACT) == seen()
+    assert plausible_state(state(1.0), 1.0, EXACT) == seen_state()
 
 
 @pytest.mark.parametrize(
@@ -219,14 +219,14 @@ def test_a_car_in_a_steady_turn_has_no_excess():
     excess = Excess(turn, EXACT)
     for speed_mps, wheel_rad in ((5.0, 0.1), (20.0, -0.01), (0.0, 0.3)):
         yaw_rate_radps = speed_mps * turn.curvature_1pm(wheel_rad, speed_mps)
-        known = seen(speed_mps=speed_mps, wheel_rad=wheel_rad, yaw_rate_radps=yaw_rate_radps)
+        known = seen_state(speed_mps=speed_mps, wheel_rad=wheel_rad, yaw_rate_radps=yaw_rate_radps)
         assert excess.step(known, DT_S) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_the_excess_is_filtered_led_and_bounded():
     """After the first step of an excess e of 0.4 m/s²: filtered e·dt/(τ + dt), led by T·e/(τ + dt)."""
     excess = Excess(SteadyTurn(SHUTTLE), EXACT)
-    known = seen(speed_mps=4.0, yaw_rate_radps=0.1)
+    known = seen_state(speed_mps=4.0, yaw_rate_radps=0.1)
     first = excess.step(known, 0.025)
     assert first == pytest.approx(0.4 * (0.025 + LEAD_S) / (FILTER_S + 0.025))
     filtered = 0.4 * 0.025 / 0.125
@@ -236,15 +236,15 @@ def test_the_excess_is_filtered_led_and_bounded():
     for _ in range(2000):
         last = excess.step(known, 0.025)
     assert last == pytest.approx(0.4)
-    assert excess.step(seen(speed_mps=4.0, yaw_rate_radps=9.0), 0.025) == 1.5
-    assert excess.step(seen(speed_mps=4.0, yaw_rate_radps=-9.0), 0.025) == -1.5
+    assert excess.step(seen_state(speed_mps=4.0, yaw_rate_radps=9.0), 0.025) == 1.5
+    assert excess.step(seen_state(speed_mps=4.0, yaw_rate_radps=-9.0), 0.025) == -1.5
 
 
 def test_without_a_yaw_rate_there_is_no_excess_and_the_filter_is_reset():
     one, fresh_one = Excess(SteadyTurn(SHUTTLE), EXACT), Excess(SteadyTurn(SHUTTLE), EXACT)
-    known = seen(speed_mps=4.0, yaw_rate_radps=0.1)
+    known = seen_state(speed_mps=4.0, yaw_rate_radps=0.1)
     one.step(known, 0.025)
-    assert one.step(seen(), 0.025) == 0.0
+    assert one.step(seen_state(), 0.025) == 0.0
     assert one.step(known, 0.025) == fresh_one.step(known, 0.025)
 
 
@@ -255,27 +255,27 @@ def watch(**changes):
     """A watch after a long time of straight demands, at 0 s."""
     one = DriverWatch(EXACT_CAR, EXACT)
     one.add_demand(0.0, 0.0)
-    assert not one.step(seen(), 0.0)
+    assert not one.step(seen_state(), 0.0)
     return one
 
 
 def test_the_override_lasts_while_the_vehicle_reports_it():
     one = watch()
-    assert one.step(seen(driver=True), 1.0)
-    assert not one.step(seen(), 1.0)
+    assert one.step(seen_state(driver=True), 1.0)
+    assert not one.step(seen_state(), 1.0)
 
 
 @pytest.mark.parametrize("torque_nm,driver", [(3.0, False), (3.01, True), (-3.0, False), (-3.01, True)])
 def test_the_driver_has_the_car_at_once_by_torque_and_for_a_while_after(torque_nm, driver):
     one = watch()
-    assert one.step(seen(torque_nm=torque_nm), 1.0) is driver
-    assert one.step(seen(torque_nm=0.0), 2.0 - DT_S) is driver
-    assert not one.step(seen(torque_nm=0.0), 2.0)
+    assert one.step(seen_state(torque_nm=torque_nm), 1.0) is driver
+    assert one.step(seen_state(torque_nm=0.0), 2.0 - DT_S) is driver
+    assert not one.step(seen_state(torque_nm=0.0), 2.0)
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_wheel_that_stays_outside_all_demands_is_held_by_the_driver(sign):
-    one, odd = watch(), seen(wheel_rad=sign * 0.04)
+    one, odd = watch(), seen_state(wheel_rad=sign * 0.04)
     for n in range(4):
         one.add_demand(0.0, n / 16)
         assert not one.step(odd, n / 16)
@@ -284,14 +284,14 @@ def test_a_wheel_that_stays_outside_all_demands_is_held_by_the_driver(sign):
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_wheel_on_the_edge_of_the_tolerance_is_explained(sign):
-    one, edge = watch(), seen(wheel_rad=sign * 0.03125)
+    one, edge = watch(), seen_state(wheel_rad=sign * 0.03125)
     assert not any(one.step(edge, n / 16) for n in range(50))
 
 
 def test_a_moment_within_the_demands_restarts_the_count():
-    one, odd = watch(), seen(wheel_rad=0.04)
+    one, odd = watch(), seen_state(wheel_rad=0.04)
     assert not one.step(odd, 0.1875)
-    assert not one.step(seen(), 0.25)
+    assert not one.step(seen_state(), 0.25)
     assert not one.step(odd, 0.4375)
     assert one.step(odd, 0.5)
 
@@ -299,14 +299,14 @@ def test_a_moment_within_the_demands_restarts_the_count():
 def test_a_standing_car_with_a_turned_wheel_is_no_driver_override():
     for speed_mps, held in ((0.125, False), (0.13, True)):
         one = watch()
-        out = [one.step(seen(wheel_rad=0.3, speed_mps=speed_mps), n / 16) for n in range(10)]
+        out = [one.step(seen_state(wheel_rad=0.3, speed_mps=speed_mps), n / 16) for n in range(10)]
         assert any(out) is held
 
 
 def test_a_wheel_never_within_the_demands_is_no_override():
     one = DriverWatch(EXACT_CAR, EXACT)
     one.add_demand(0.0, 0.0)
-    assert not any(one.step(seen(wheel_rad=0.3), n / 16) for n in range(50))
+    assert not any(one.step(seen_state(wheel_rad=0.3), n / 16) for n in range(50))
 
 
 def test_a_demand_explains_the_wheel_for_twice_the_lateness_of_the_steering():
@@ -314,50 +314,52 @@ def test_a_demand_explains_the_wheel_for_twice_the_lateness_of_the_steering():
     car = vehicle(steering_delay_s=0.0625, steering_lag_s=0.109375)
     one = DriverWatch(car, EXACT)
     one.add_demand(0.5, 0.0)
-    assert not one.step(seen(wheel_rad=0.5), 0.0)
+    assert not one.step(seen_state(wheel_rad=0.5), 0.0)
     for t_s in (0.5, 1.0):
         one.add_demand(0.0, t_s)
-        assert not one.step(seen(wheel_rad=0.5), t_s)  # 1 s after it is just remembered
+        assert not one.step(seen_state(wheel_rad=0.5), t_s)  # 1 s after it is just remembered
     one.add_demand(0.0, 1.0625)
-    assert not one.step(seen(wheel_rad=0.5), 1.0625)
-    assert one.step(seen(wheel_rad=0.5), 1.25)
+    assert not one.step(seen_state(wheel_rad=0.5), 1.0625)
+    assert one.step(seen_state(wheel_rad=0.5), 1.25)
 
 
 def test_a_wheel_on_its_way_between_two_demands_is_explained():
     one = watch()
     one.add_demand(0.5, 0.25)
-    assert not any(one.step(seen(wheel_rad=wheel), 0.25 + wheel) for wheel in (0.0, 0.1, 0.25, 0.4, 0.5))
+    assert not any(
+        one.step(seen_state(wheel_rad=wheel), 0.25 + wheel) for wheel in (0.0, 0.1, 0.25, 0.4, 0.5)
+    )
 
 
 def test_the_driver_keeps_the_car_until_the_wheel_has_been_still():
     one = watch()
-    assert one.step(seen(torque_nm=9.0), 1.0)
-    assert one.step(seen(wheel_rad=0.02), 1.5)  # turned: a second from here
-    assert one.step(seen(wheel_rad=0.0278), 1.75)  # about as it was
-    assert one.step(seen(wheel_rad=0.02), 2.5 - DT_S)
-    assert not one.step(seen(wheel_rad=0.02), 2.5)
-    assert not one.step(seen(wheel_rad=0.03), 2.5)  # afterwards a turned wheel has no effect
+    assert one.step(seen_state(torque_nm=9.0), 1.0)
+    assert one.step(seen_state(wheel_rad=0.02), 1.5)  # turned: a second from here
+    assert one.step(seen_state(wheel_rad=0.0278), 1.75)  # about as it was
+    assert one.step(seen_state(wheel_rad=0.02), 2.5 - DT_S)
+    assert not one.step(seen_state(wheel_rad=0.02), 2.5)
+    assert not one.step(seen_state(wheel_rad=0.03), 2.5)  # afterwards a turned wheel has no effect
 
 
 @pytest.mark.parametrize("turned_rad,longer", [(0.0078125, False), (0.0079, True), (-0.0079, True)])
 def test_a_wheel_is_still_up_to_a_tolerance(turned_rad, longer):
     one = watch()
-    assert one.step(seen(torque_nm=9.0), 1.0)
-    assert one.step(seen(wheel_rad=turned_rad), 1.5)
-    assert one.step(seen(wheel_rad=turned_rad), 2.0) is longer
+    assert one.step(seen_state(torque_nm=9.0), 1.0)
+    assert one.step(seen_state(wheel_rad=turned_rad), 1.5)
+    assert one.step(seen_state(wheel_rad=turned_rad), 2.0) is longer
 
 
 def test_at_first_the_wheel_counts_as_held_straight():
     one = watch()
-    assert one.step(seen(torque_nm=9.0), 1.0)
-    assert one.step(seen(wheel_rad=0.005), 1.5)
-    assert not one.step(seen(wheel_rad=0.005), 2.0)
+    assert one.step(seen_state(torque_nm=9.0), 1.0)
+    assert one.step(seen_state(wheel_rad=0.005), 1.5)
+    assert not one.step(seen_state(wheel_rad=0.005), 2.0)
 
 
 # --- saturation
 
 
-def saturated_after(seconds, *, wanted_rad=0.0, given_rad=0.0, speed_mps=10.0, car=SHUTTLE):
+def watch_after(seconds, *, wanted_rad=0.0, given_rad=0.0, speed_mps=10.0, car=SHUTTLE):
     one = SaturationWatch(car, EXACT)
     for _ in range(round(seconds * 16)):
         one.step(wanted_rad, given_rad, speed_mps, 1 / 16)
@@ -366,8 +368,8 @@ def saturated_after(seconds, *, wanted_rad=0.0, given_rad=0.0, speed_mps=10.0, c
 
 def test_a_demand_cut_for_long_enough_saturates_and_recovers_at_the_same_pace():
     cut = dict(wanted_rad=0.1, given_rad=0.0)
-    assert not saturated_after(0.4375, **cut).is_saturated
-    one = saturated_after(5.0, **cut)
+    assert not watch_after(0.4375, **cut).is_saturated
+    one = watch_after(5.0, **cut)
     assert one.is_saturated
     one.step(0.0, 0.0, 10.0, 1 / 16)
     assert not one.is_saturated
@@ -376,7 +378,7 @@ def test_a_demand_cut_for_long_enough_saturates_and_recovers_at_the_same_pace():
 
 
 def test_a_car_that_was_calm_for_long_saturates_no_later():
-    one = saturated_after(5.0)
+    one = watch_after(5.0)
     for _ in range(8):
         assert not one.is_saturated
         one.step(0.1, 0.0, 10.0, 1 / 16)
@@ -387,30 +389,30 @@ def test_a_car_that_was_calm_for_long_saturates_no_later():
 def test_the_cut_is_measured_in_lateral_acceleration(share, cut):
     """a_y = v²·δ/(L + K·v²) with v = 10 m/s: 100/(1.75 + 0.356) per radian."""
     edge_rad = 0.25 * (1.75 + 0.356) / 100.0
-    assert saturated_after(1.0, wanted_rad=0.01 + share * edge_rad, given_rad=0.01).is_saturated is cut
+    assert watch_after(1.0, wanted_rad=0.01 + share * edge_rad, given_rad=0.01).is_saturated is cut
 
 
 def test_exactly_the_tolerance_is_not_cut():
     """L = 1, K = 0, v = 2: 4 per radian."""
     car = vehicle(wheelbase_m=1.0, understeer_gradient_rad_per_mps2=0.0)
-    assert not saturated_after(1.0, wanted_rad=0.0625, speed_mps=2.0, car=car).is_saturated
-    assert saturated_after(1.0, wanted_rad=0.0626, speed_mps=2.0, car=car).is_saturated
+    assert not watch_after(1.0, wanted_rad=0.0625, speed_mps=2.0, car=car).is_saturated
+    assert watch_after(1.0, wanted_rad=0.0626, speed_mps=2.0, car=car).is_saturated
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_demand_of_the_largest_angle_counts_as_cut(sign):
     for wanted_rad, cut in ((0.55, True), (0.549, False)):
-        one = saturated_after(1.0, wanted_rad=sign * wanted_rad, given_rad=sign * wanted_rad)
+        one = watch_after(1.0, wanted_rad=sign * wanted_rad, given_rad=sign * wanted_rad)
         assert one.is_saturated is cut
 
 
 def test_a_slow_car_is_not_saturated():
     for speed_mps, cut in ((2.0, True), (1.99, False)):
-        assert saturated_after(1.0, wanted_rad=0.5, speed_mps=speed_mps).is_saturated is cut
+        assert watch_after(1.0, wanted_rad=0.5, speed_mps=speed_mps).is_saturated is cut
 
 
 def test_saturation_begins_exactly_at_its_time():
-    assert saturated_after(0.5, wanted_rad=0.1).is_saturated
+    assert watch_after(0.5, wanted_rad=0.1).is_saturated
 
 
 @settings(max_examples=50)

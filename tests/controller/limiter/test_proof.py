@@ -23,7 +23,7 @@ CARS = (
 NUMBERS = 9  # drawn for a call
 
 
-def checked(outer, inner):
+def check_narrowing(outer, inner):
     """The limiter's own narrowing, watched."""
     low, high = narrow(outer, inner)
     assert outer[0] <= low <= high <= outer[1]
@@ -66,12 +66,12 @@ def random_calls(seed, calls):
 @pytest.mark.parametrize("part", range(PARTS))
 def test_the_feasible_interval_is_never_empty_for_any_input(monkeypatch, part):
     """A part takes about ten seconds; ``-k "[7]"`` runs one, ``--lf`` those that failed."""
-    monkeypatch.setattr(controller.limiter.limiter, "narrow", checked)
+    monkeypatch.setattr(controller.limiter.limiter, "narrow", check_narrowing)
     hold_for_any_call(part, CALLS // PARTS)
 
 
 def test_the_feasible_interval_is_not_empty_in_a_few_thousand_calls(monkeypatch):
-    monkeypatch.setattr(controller.limiter.limiter, "narrow", checked)
+    monkeypatch.setattr(controller.limiter.limiter, "narrow", check_narrowing)
     hold_for_any_call(12345, 4000)
 
 

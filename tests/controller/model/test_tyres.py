@@ -18,7 +18,7 @@ CAR = vehicle(rear_slip_gradient_rad_per_mps2=REAR, steering_delay_s=0.0, steeri
 DELAY_S = SETTINGS.lateral.command_delay_s
 
 
-def settled(tyres, wheel_rad, speed_mps, seconds=3.0, steps=300):
+def settle(tyres, wheel_rad, speed_mps, seconds=3.0, steps=300):
     turning = Turning(0.0, 0.0)
     for _ in range(steps):
         turning = tyres.after(turning, wheel_rad, wheel_rad, speed_mps, seconds / steps)
@@ -29,7 +29,7 @@ def settled(tyres, wheel_rad, speed_mps, seconds=3.0, steps=300):
 @pytest.mark.parametrize("wheel_rad", [0.002, -0.03])
 def test_the_tyres_settle_on_the_steady_turn_with_the_drift_of_the_rear_axle(speed_mps, wheel_rad):
     tyres = Tyres(CAR)
-    turning = settled(tyres, wheel_rad, speed_mps)
+    turning = settle(tyres, wheel_rad, speed_mps)
     steady_1pm = tyres.steady_1pm(wheel_rad, speed_mps)
     assert turning.yaw_1pm == pytest.approx(steady_1pm, rel=2e-3)
     assert turning.drift_rad == pytest.approx(-REAR * speed_mps**2 * steady_1pm, rel=2e-3)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drive_alone_rig import driven
+from drive_alone_rig import drive_straight
 
 from learning.correcting.alone import EXPERT, check
 from learning.correcting.corrections import AROUND_S, STEADY, Drift, around, build_corrections, correction_log
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.long
 
 @pytest.fixture(scope="module")
 def straight_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
-    return driven(tmp_path_factory.mktemp("bend"), curvature_1pm=0.05)
+    return drive_straight(tmp_path_factory.mktemp("bend"), curvature_1pm=0.05)
 
 
 def test_a_network_that_steers_straight_leaves_a_left_bend_to_the_right(
@@ -47,7 +47,7 @@ def test_the_expert_steers_further_into_the_bend_the_further_the_car_is_outside(
 
 
 def test_a_network_that_knows_no_image_is_followed_alone(tmp_path: Path) -> None:
-    _, result = driven(tmp_path, curvature_1pm=0.0, unlike=9.0)
+    _, result = drive_straight(tmp_path, curvature_1pm=0.0, unlike=9.0)
     assert result.metrics.interventions == 0 and result.metrics.distance_m == pytest.approx(18, abs=1)
 
 

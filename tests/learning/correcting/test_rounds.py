@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
 
-from drive_alone_rig import driven, scenario_file
+from drive_alone_rig import drive_straight, scenario_file
 from drive_rig import made_dataset, run, write_tub
 from driving_network_rig import write_network
 
@@ -30,7 +30,7 @@ Row = dict[str, Any]
 BEND_1PM = 0.05
 
 
-class Killed(BaseException):
+class Kill(BaseException):
     """A kill at one step."""
 
 
@@ -46,7 +46,7 @@ class Workshop:
         """Note a step, unless it is the one to be killed."""
         if len(self.steps) == self.kill_at:
             self.kill_at = None
-            raise Killed
+            raise Kill
         self.steps.append(name)
 
     def drive(self, task: Any) -> Row:
@@ -82,15 +82,15 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return driven(tmp_path_factory.mktemp("drive"), curvature_1pm=BEND_1PM)[0]
+def recorded_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return drive_straight(tmp_path_factory.mktemp("drive"), curvature_1pm=BEND_1PM)[0]
 
 
 Make = Callable[..., tuple[list[Row], Plan]]
 
 
 @pytest.fixture
-def corrected(base: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
+def make_correction(base: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
     def make(workshop: Workshop, *, resume: bool = False, **changes: Any) -> tuple[list[Row], Plan]:
         monkeypatch.setattr(rounds, "drive", workshop.drive)
         fields: Row = dict(
@@ -113,10 +113,10 @@ STEPS = [f"{step} round-{number}" for number in range(3) for step in ("train", "
 
 
 def test_every_round_trains_on_all_corrections_so_far_and_the_best_network_is_kept(
-    corrected: Make, recorded: Path
+    make_correction: Make, recorded_drive: Path
 ) -> None:
-    workshop = Workshop(recorded)
-    rows, plan = corrected(workshop)
+    workshop = Workshop(recorded_drive)
+    rows, plan = make_correction(workshop)
     assert workshop.steps == STEPS
     assert [row["interventions"] for row in rows] == [3, 2, 1]
     added = [row["corrections"] for row in rows]
@@ -125,98 +125,104 @@ def test_every_round_trains_on_all_corrections_so_far_and_the_best_network_is_ke
     assert "round 2 of 2" in plan.out.with_suffix(".md").read_text()
 
 
-def test_every_round_begins_with_the_network_of_the_round_before(corrected: Make, recorded: Path) -> None:
-    workshop = Workshop(recorded)
-    _, plan = corrected(workshop)
+def test_every_round_begins_with_the_network_of_the_round_before(
+    make_correction: Make, recorded_drive: Path
+) -> None:
+    workshop = Workshop(recorded_drive)
+    _, plan = make_correction(workshop)
     assert workshop.starts == [None, plan.network(0), plan.network(1)]
 
 
-def test_a_network_that_is_there_is_not_overwritten(corrected: Make, recorded: Path, tmp_path: Path) -> None:
+def test_a_network_that_is_there_is_not_overwritten(
+    make_correction: Make, recorded_drive: Path, tmp_path: Path
+) -> None:
     (tmp_path / "ahead.onnx").write_bytes(b"mine")
-    workshop = Workshop(recorded)
+    workshop = Workshop(recorded_drive)
     with pytest.raises(InputError, match=r"--start .*ahead\.onnx begins with it"):
-        corrected(workshop)
+        make_correction(workshop)
     assert not workshop.steps and (tmp_path / "ahead.onnx").read_bytes() == b"mine"
 
 
 @pytest.mark.parametrize("kill_at", range(len(STEPS)))
 def test_a_correction_that_is_killed_at_any_step_continues_there_and_ends_the_same(
-    corrected: Make, recorded: Path, kill_at: int
+    make_correction: Make, recorded_drive: Path, kill_at: int
 ) -> None:
-    workshop = Workshop(recorded, kill_at)
-    with pytest.raises(Killed):
-        corrected(workshop)
-    rows, plan = corrected(workshop, resume=True)
+    workshop = Workshop(recorded_drive, kill_at)
+    with pytest.raises(Kill):
+        make_correction(workshop)
+    rows, plan = make_correction(workshop, resume=True)
     assert workshop.steps == STEPS, "no step is done twice"
     assert [row["interventions"] for row in rows] == [3, 2, 1]
     assert plan.out.read_bytes() == plan.network(2).read_bytes()
-    assert corrected(workshop, resume=True)[0] == rows and workshop.steps == STEPS
+    assert make_correction(workshop, resume=True)[0] == rows and workshop.steps == STEPS
 
 
 def test_a_killed_build_of_corrections_is_done_again(
-    corrected: Make, recorded: Path, monkeypatch: pytest.MonkeyPatch
+    make_correction: Make, recorded_drive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    workshop = Workshop(recorded)
+    workshop = Workshop(recorded_drive)
 
-    def killed(*_: Any) -> None:
-        raise Killed
+    def kill(*_: Any) -> None:
+        raise Kill
 
-    monkeypatch.setattr(rounds, "build_corrections", killed)
-    with pytest.raises(Killed):
-        corrected(workshop)
+    monkeypatch.setattr(rounds, "build_corrections", kill)
+    with pytest.raises(Kill):
+        make_correction(workshop)
     monkeypatch.undo()
-    rows, _ = corrected(workshop, resume=True)
+    rows, _ = make_correction(workshop, resume=True)
     assert len(rows) == 3
 
 
-def test_a_correction_of_other_drives_is_not_continued(corrected: Make, recorded: Path) -> None:
-    corrected(Workshop(recorded), rounds=1)
+def test_a_correction_of_other_drives_is_not_continued(make_correction: Make, recorded_drive: Path) -> None:
+    make_correction(Workshop(recorded_drive), rounds=1)
     with pytest.raises(InputError, match="--resume continues it"):
-        corrected(Workshop(recorded), rounds=1)
+        make_correction(Workshop(recorded_drive), rounds=1)
     with pytest.raises(InputError, match="of other data, network, recipe, car or drives"):
-        corrected(Workshop(recorded), rounds=1, seeds=(0, 1), resume=True)
-    rows, _ = corrected(Workshop(recorded), rounds=2, resume=True)
+        make_correction(Workshop(recorded_drive), rounds=1, seeds=(0, 1), resume=True)
+    rows, _ = make_correction(Workshop(recorded_drive), rounds=2, resume=True)
     assert len(rows) == 3, "more rounds continue it"
 
 
 def test_a_correction_of_another_car_is_not_continued(
-    corrected: Make, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    make_correction: Make, recorded_drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    corrected(Workshop(recorded), rounds=1)
+    make_correction(Workshop(recorded_drive), rounds=1)
     (tmp_path / "car").mkdir()
     (tmp_path / "car" / "vehicle.yaml").write_text("wheelbase_m: 2.6\n")
     monkeypatch.setenv(CAR, str(tmp_path / "car"))
     with pytest.raises(InputError, match="of other data, network, recipe, car or drives"):
-        corrected(Workshop(recorded), rounds=1, resume=True)
+        make_correction(Workshop(recorded_drive), rounds=1, resume=True)
 
 
 def test_two_scenarios_of_one_name_are_refused_before_any_training(
-    corrected: Make, recorded: Path, tmp_path: Path
+    make_correction: Make, recorded_drive: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "other").mkdir()
     files = [scenario_file(folder, curvature_1pm=BEND_1PM) for folder in (tmp_path, tmp_path / "other")]
-    workshop = Workshop(recorded)
+    workshop = Workshop(recorded_drive)
     with pytest.raises(InputError, match="two of the scenarios are called short"):
-        corrected(workshop, scenarios=tuple(map(str, files)))
+        make_correction(workshop, scenarios=tuple(map(str, files)))
     assert not workshop.steps and not (tmp_path / "ahead.onnx.correct").exists()
 
 
 def test_a_scenario_that_cannot_be_driven_alone_is_refused_before_any_training(
-    corrected: Make, recorded: Path, tmp_path: Path
+    make_correction: Make, recorded_drive: Path, tmp_path: Path
 ) -> None:
-    workshop = Workshop(recorded)
+    workshop = Workshop(recorded_drive)
     with pytest.raises(InputError, match="no process 'cnn'"):
-        corrected(workshop, scenarios=("lost_cnn",))
+        make_correction(workshop, scenarios=("lost_cnn",))
     assert not workshop.steps and not (tmp_path / "ahead.onnx.correct").exists()
 
 
-def test_nothing_is_trained_where_the_given_network_drifts_nowhere(corrected: Make, recorded: Path) -> None:
-    start = recorded.parent / "ahead.onnx"
+def test_nothing_is_trained_where_the_given_network_drifts_nowhere(
+    make_correction: Make, recorded_drive: Path
+) -> None:
+    start = recorded_drive.parent / "ahead.onnx"
     checkpoints_of(start).save({})
-    workshop = Workshop(recorded)
-    rows, plan = corrected(workshop, start=start, drift=Drift(9.0, 1.5))
+    workshop = Workshop(recorded_drive)
+    rows, plan = make_correction(workshop, start=start, drift=Drift(9.0, 1.5))
     assert workshop.steps == ["drive round-0"] and len(rows) == 1
-    assert plan.out.read_bytes() == (recorded.parent / "ahead.onnx").read_bytes()
+    assert plan.out.read_bytes() == (recorded_drive.parent / "ahead.onnx").read_bytes()
 
 
 @pytest.mark.processes  # both cores for long

@@ -11,7 +11,7 @@ import pytest
 from drive_rig import made_dataset, run, steering_of, write_pictures, write_table, write_tub, write_udacity
 
 
-def refused(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
+def refusal(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
     """The line on standard error of a call that ends with exit code 2."""
     assert run("dataset", "build", *map(str, words)) == 2
     lines = capsys.readouterr().err.splitlines()
@@ -38,7 +38,7 @@ def test_strict_refuses_the_first_image_that_cannot_be_read(
 ) -> None:
     tub = write_tub(tmp_path / "tub")
     (tub / "images" / "9_cam_image_array_.jpg").unlink()
-    assert "9_cam_image_array_.jpg" in refused(capsys, tmp_path / "set", tub, "--strict")
+    assert "9_cam_image_array_.jpg" in refusal(capsys, tmp_path / "set", tub, "--strict")
     assert not (tmp_path / "set").exists()
 
 
@@ -63,9 +63,9 @@ def test_an_image_of_another_size_is_left_out(tmp_path: Path, capsys: pytest.Cap
 def test_a_source_that_does_not_exist_or_is_unknown_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert "no such file or folder" in refused(capsys, tmp_path / "set", tmp_path / "nothing")
+    assert "no such file or folder" in refusal(capsys, tmp_path / "set", tmp_path / "nothing")
     (tmp_path / "empty").mkdir()
-    assert "no known log" in refused(capsys, tmp_path / "set", tmp_path / "empty")
+    assert "no known log" in refusal(capsys, tmp_path / "set", tmp_path / "empty")
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_a_source_that_does_not_exist_or_is_unknown_is_refused(
 def test_a_wrong_option_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, str]
 ) -> None:
-    assert options[0] in refused(capsys, tmp_path / "set", write_tub(tmp_path / "tub", 20), *options)
+    assert options[0] in refusal(capsys, tmp_path / "set", write_tub(tmp_path / "tub", 20), *options)
 
 
 def test_two_drives_of_one_name_are_two_routes(tmp_path: Path) -> None:
@@ -89,7 +89,7 @@ def test_drives_in_different_units_are_refused(tmp_path: Path, capsys: pytest.Ca
     table = write_table(
         tmp_path / "t", {"image": ["0.jpg", "1.jpg"], "t_s": [0, 0.1], "road_wheel_angle_rad": [0, 0.1]}
     )
-    line = refused(capsys, tmp_path / "set", write_tub(tmp_path / "tub", 20), table)
+    line = refusal(capsys, tmp_path / "set", write_tub(tmp_path / "tub", 20), table)
     assert "different units" in line
 
 
@@ -117,7 +117,7 @@ def test_the_summary_as_json_states_splits_and_wheel(
 def test_an_option_without_effect_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, str], said: str
 ) -> None:
-    assert said in refused(capsys, tmp_path / "set", write_tub(tmp_path / "tub", 20), *options)
+    assert said in refusal(capsys, tmp_path / "set", write_tub(tmp_path / "tub", 20), *options)
 
 
 def test_frames_are_left_out_by_rule(tmp_path: Path) -> None:

@@ -16,14 +16,14 @@ from learning.training.labels import weights
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+def made_set(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("drives")
     return made_dataset(folder / "set", write_tub(folder / "tub", 400, pause_after=100))
 
 
 @pytest.fixture(scope="module")
-def card(made: Dataset) -> dict[str, Any]:
-    return card_of(made)
+def card(made_set: Dataset) -> dict[str, Any]:
+    return card_of(made_set)
 
 
 def turning(made: Dataset, delay: int) -> Rows:
@@ -35,14 +35,14 @@ def turning(made: Dataset, delay: int) -> Rows:
 
 
 @pytest.mark.parametrize("delay", [-3, 0, 4])
-def test_the_delay_of_the_motion_after_the_label_is_found(made: Dataset, delay: int) -> None:
-    found = delay_of(turning(made, delay))
+def test_the_delay_of_the_motion_after_the_label_is_found(made_set: Dataset, delay: int) -> None:
+    found = delay_of(turning(made_set, delay))
     assert found.by == "yaw rate" and found.correlation is not None and found.correlation > 0.9
     assert found.delay_s == pytest.approx(0.05 * delay, abs=0.02)
 
 
-def test_the_delay_is_sought_within_the_rows_whatever_their_rate(made: Dataset) -> None:
-    rows = turning(made, 2)
+def test_the_delay_is_sought_within_the_rows_whatever_their_rate(made_set: Dataset) -> None:
+    rows = turning(made_set, 2)
     rows["t_s"] = 50e-6 * np.arange(len(rows))
     rows["stretch"] = 0
     assert delay_of(rows).delay_s == pytest.approx(100e-6, abs=20e-6)
@@ -57,23 +57,23 @@ def test_the_card_names_a_rate_that_no_camera_has(tmp_path: Path) -> None:
     assert {"finding": "20000 frames a second", "remedy": "check the unit of the times"} in found
 
 
-def test_reversed_labels_have_a_negative_correlation(made: Dataset) -> None:
-    rows = turning(made, 2)
+def test_reversed_labels_have_a_negative_correlation(made_set: Dataset) -> None:
+    rows = turning(made_set, 2)
     rows["road_wheel_rad"] *= -1
     correlation = delay_of(rows).correlation
     assert correlation is not None and correlation < -0.9
 
 
-def test_a_label_that_contradicts_the_motion_is_suspicious(made: Dataset) -> None:
-    rows = turning(made, 2)
+def test_a_label_that_contradicts_the_motion_is_suspicious(made_set: Dataset) -> None:
+    rows = turning(made_set, 2)
     at = int(np.argmax(rows["road_wheel_rad"]))
     assert not suspicious(rows)[at]
     rows["road_wheel_rad"][at] *= -1
     assert suspicious(rows)[at]
 
 
-def test_labels_without_any_motion_are_not_judged(made: Dataset) -> None:
-    rows = made.rows().copy()
+def test_labels_without_any_motion_are_not_judged(made_set: Dataset) -> None:
+    rows = made_set.rows().copy()
     rows["shift"] = np.nan
     assert delay_of(rows).delay_s is None
     assert not suspicious(rows).any()
@@ -87,10 +87,10 @@ def test_the_card_counts_stretches_and_frames(card: dict[str, Any]) -> None:
 
 
 def test_the_verb_prints_json_and_draws_a_picture(
-    made: Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    made_set: Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     picture = tmp_path / "card.png"
-    assert run("dataset", "show", str(made.folder), "--json", "--picture", str(picture)) == 0
+    assert run("dataset", "show", str(made_set.folder), "--json", "--picture", str(picture)) == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 400
     image = cv2.imread(str(picture))
     assert image is not None and image.std() > 20

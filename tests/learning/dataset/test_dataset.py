@@ -12,37 +12,39 @@ from trepid.config import InputError
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+def made_set(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("drives")
     return made_dataset(folder / "set", write_tub(folder / "tub", 400), options=("--lock-deg", "20"))
 
 
-def test_labels_are_positive_to_the_left(made: Dataset) -> None:
-    rows = made.rows()
+def test_labels_are_positive_to_the_left(made_set: Dataset) -> None:
+    rows = made_set.rows()
     assert rows["road_wheel_rad"] == pytest.approx(-np.radians(20.0) * steering_of(400))
-    assert made.wheel.sign == -1
+    assert made_set.wheel.sign == -1
 
 
-def test_an_image_is_that_of_its_row(made: Dataset) -> None:
-    row = made.rows("test")[0]
+def test_an_image_is_that_of_its_row(made_set: Dataset) -> None:
+    row = made_set.rows("test")[0]
     drawn = picture(float(steering_of(400)[row["frame"]]), int(row["frame"]))
-    read = made.image(row)
+    read = made_set.image(row)
     assert read.shape == drawn.shape and read.dtype == np.uint8
     assert np.abs(read.astype(int) - drawn).mean() < 12  # JPEG
 
 
-def test_splits_together_are_all_rows(made: Dataset) -> None:
-    assert sum(len(made.rows(name)) for name in ("train", "validation", "test", "none")) == len(made.rows())
-    assert not np.isnan(made.rows("train")["road_wheel_rad"]).any()
+def test_splits_together_are_all_rows(made_set: Dataset) -> None:
+    assert sum(len(made_set.rows(name)) for name in ("train", "validation", "test", "none")) == len(
+        made_set.rows()
+    )
+    assert not np.isnan(made_set.rows("train")["road_wheel_rad"]).any()
 
 
-def test_the_hash_is_that_of_the_labels(made: Dataset) -> None:
-    rows = made.rows().copy()
+def test_the_hash_is_that_of_the_labels(made_set: Dataset) -> None:
+    rows = made_set.rows().copy()
     rows["road_wheel_rad"][3] += 1e-12
-    assert sha256_of(rows) != made.sha256
-    rows = made.rows().copy()
+    assert sha256_of(rows) != made_set.sha256
+    rows = made_set.rows().copy()
     rows["light"][3] = 0.5
-    assert sha256_of(rows) == made.sha256
+    assert sha256_of(rows) == made_set.sha256
 
 
 def test_the_same_sources_make_the_same_data_set(tmp_path: Path) -> None:
@@ -50,9 +52,9 @@ def test_the_same_sources_make_the_same_data_set(tmp_path: Path) -> None:
     assert made_dataset(tmp_path / "a", tub).sha256 == made_dataset(tmp_path / "b", tub).sha256
 
 
-def test_an_unknown_split_is_refused(made: Dataset) -> None:
+def test_an_unknown_split_is_refused(made_set: Dataset) -> None:
     with pytest.raises(InputError, match="no split 'tests'"):
-        made.rows("tests")
+        made_set.rows("tests")
 
 
 def test_a_folder_that_is_no_data_set_is_refused(tmp_path: Path) -> None:
@@ -95,10 +97,10 @@ def test_a_build_that_is_interrupted_leaves_the_old_data_set(
     tub = write_tub(tmp_path / "tub")
     made_dataset(tmp_path / "set", tub)
 
-    def interrupted(*_: object) -> None:
+    def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pyarrow.parquet.write_table", interrupted)
+    monkeypatch.setattr("pyarrow.parquet.write_table", interrupt)
     before = (tmp_path / "set" / CARD).read_text()
     assert run("dataset", "build", str(tmp_path / "set"), str(tub)) == 130
     assert (tmp_path / "set" / CARD).read_text() == before
@@ -116,8 +118,8 @@ def test_a_folder_with_another_file_of_that_name_is_not_written(
     assert (tmp_path / "set" / CARD).read_text() == "path: mine\nnames: [lane]\n"
 
 
-def test_the_settings_of_a_data_set_name_log_and_hash(made: Dataset) -> None:
-    data = YAML(typ="safe").load((made.folder / CARD).read_text())
+def test_the_settings_of_a_data_set_name_log_and_hash(made_set: Dataset) -> None:
+    data = YAML(typ="safe").load((made_set.folder / CARD).read_text())
     assert data["sources"][0]["kind"] == "tub2"
     assert len(data["sources"][0]["sha256"]) == 64
     assert data["wheel"]["how"] == "given"

@@ -341,7 +341,7 @@ def test_a_record_that_cannot_be_read_keeps_its_time_in_a_tub_without_times(tmp_
     assert read(tub)[0].t_s == pytest.approx([0.0, 0.05, 0.15, 0.2])
 
 
-def recorded(path: Path, frames: int = 40, *, angle_rad: float = 0.1, speed_mps: float = 8.0) -> Path:
+def record_bend(path: Path, frames: int = 40, *, angle_rad: float = 0.1, speed_mps: float = 8.0) -> Path:
     """A recording at 10 images/s with the vehicle state at 50 Hz, whose angle rises until 1 s."""
     with Recording(path) as file:
         file.began(100.0)
@@ -370,7 +370,7 @@ def no_car() -> Iterator[None]:
 
 
 def test_the_angle_of_a_recording_is_that_at_the_capture_time(tmp_path: Path) -> None:
-    log, _ = read(recorded(tmp_path / "drive.mcap"))
+    log, _ = read(record_bend(tmp_path / "drive.mcap"))
     assert log.steering[5] == pytest.approx(0.1 * 0.51)
     assert log.unit == SteeringUnit.ROAD and log.left_positive
     assert (
@@ -380,7 +380,7 @@ def test_the_angle_of_a_recording_is_that_at_the_capture_time(tmp_path: Path) ->
 
 
 def test_the_label_of_a_recording_is_free_of_understeer(tmp_path: Path, no_car: None) -> None:
-    log, _ = read(recorded(tmp_path / "drive.mcap"))
+    log, _ = read(record_bend(tmp_path / "drive.mcap"))
     wheel = wheel_of([log], WheelOptions())
     label = road_wheel_rad(log, wheel)[20]
     assert wheel.k_us > 0 and wheel.wheelbase_m is not None

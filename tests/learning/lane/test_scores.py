@@ -14,7 +14,7 @@ from trepid.clothoid import Lane
 TOLERANCE_RAD = math.radians(2)
 
 
-def drawn(count: int, seed: int, honesty: float) -> tuple[np.ndarray, np.ndarray]:
+def draw_errors(count: int, seed: int, honesty: float) -> tuple[np.ndarray, np.ndarray]:
     """Predicted σ and errors that are ``honesty`` times as large as predicted."""
     rng = np.random.default_rng(seed)
     sigma = TOLERANCE_RAD * np.exp(rng.normal(0, 0.8, count))
@@ -23,14 +23,14 @@ def drawn(count: int, seed: int, honesty: float) -> tuple[np.ndarray, np.ndarray
 
 @pytest.mark.parametrize("honesty", [0.5, 1.0, 2.0])
 def test_calibrated_confidence_is_the_share_of_good_estimates_for_any_scale_of_sigma(honesty):
-    calibration = calibrate(*drawn(20_000, 1, honesty), tolerance_rad=TOLERANCE_RAD)
-    sigma, error = drawn(20_000, 2, honesty)
+    calibration = calibrate(*draw_errors(20_000, 1, honesty), tolerance_rad=TOLERANCE_RAD)
+    sigma, error = draw_errors(20_000, 2, honesty)
     confidence = np.array([calibration.probability(s) for s in sigma])
     assert expected_calibration_error(confidence, np.abs(error) < TOLERANCE_RAD) < 0.05
 
 
 def test_an_overconfident_network_is_miscalibrated_before_and_not_after():
-    sigma, error = drawn(20_000, 3, 3.0)
+    sigma, error = draw_errors(20_000, 3, 3.0)
     good = np.abs(error) < TOLERANCE_RAD
     nominal = np.array([math.erf(TOLERANCE_RAD / s / math.sqrt(2)) for s in sigma])
     calibration = calibrate(sigma, error, tolerance_rad=TOLERANCE_RAD)
@@ -40,7 +40,7 @@ def test_an_overconfident_network_is_miscalibrated_before_and_not_after():
 
 
 def test_calibration_survives_estimates_that_are_all_good():
-    sigma, _ = drawn(500, 4, 1.0)
+    sigma, _ = draw_errors(500, 4, 1.0)
     calibration = calibrate(sigma, np.zeros(500), tolerance_rad=TOLERANCE_RAD)
     assert calibration.probability(float(np.median(sigma))) > 0.99
 

@@ -38,7 +38,7 @@ def network(images: np.ndarray, *, bias_m: float = 0.0, visible: float = 1.0) ->
     return Prediction(lanes, np.zeros(len(images)), np.full(len(images), visible))
 
 
-def labelled(images: np.ndarray, drives: list[int], **changes: float) -> np.ndarray:
+def label_offsets(images: np.ndarray, drives: list[int], **changes: float) -> np.ndarray:
     """Offsets that are given."""
     frames = UnlabelledFrames(images, np.array(drives))
     found = label_by_network(lambda seen: network(seen, **changes), frames, TASK, agree_rad=AGREE_RAD)
@@ -47,17 +47,17 @@ def labelled(images: np.ndarray, drives: list[int], **changes: float) -> np.ndar
 
 
 def test_a_steady_drive_has_the_lanes_of_the_network():
-    assert labelled(drive(0, 1, 2, 2), [0, 0, 0, 0]) == pytest.approx([0, 0.1, 0.2, 0.2], abs=1e-6)
+    assert label_offsets(drive(0, 1, 2, 2), [0, 0, 0, 0]) == pytest.approx([0, 0.1, 0.2, 0.2], abs=1e-6)
 
 
 def test_a_frame_unlike_its_neighbour_in_the_drive_has_no_lane_and_neither_has_the_neighbour():
-    assert labelled(drive(0, 0, 9, 9), [0, 0, 0, 0]) == pytest.approx([0, 0.9], abs=1e-6)
-    assert labelled(drive(0, 0, 9, 9), [0, 0, 1, 1]) == pytest.approx([0, 0, 0.9, 0.9], abs=1e-6)
+    assert label_offsets(drive(0, 0, 9, 9), [0, 0, 0, 0]) == pytest.approx([0, 0.9], abs=1e-6)
+    assert label_offsets(drive(0, 0, 9, 9), [0, 0, 1, 1]) == pytest.approx([0, 0, 0.9, 0.9], abs=1e-6)
 
 
 def test_a_lane_that_is_not_mirrored_in_the_mirror_image_does_not_count():
-    assert len(labelled(drive(3, 3), [0, 0], bias_m=0.15)) == 0
-    assert labelled(drive(3, 3), [0, 0], bias_m=0.05) == pytest.approx([0.3, 0.3], abs=1e-6)  # the mean
+    assert len(label_offsets(drive(3, 3), [0, 0], bias_m=0.15)) == 0
+    assert label_offsets(drive(3, 3), [0, 0], bias_m=0.05) == pytest.approx([0.3, 0.3], abs=1e-6)  # the mean
 
 
 def test_a_road_has_to_be_visible_in_the_image_and_in_its_mirror_image():

@@ -52,7 +52,7 @@ def test_a_window_crosses_neither_rows_that_are_left_out_nor_a_pause_nor_the_end
     columns["road_wheel_rad"] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, np.nan, 0.1, 0.1, 0.1]
     index = as_rows({name: np.array(column) for name, column in columns.items()})
 
-    class Made:
+    class MadeSet:
         folder, sha256 = tmp_path, "made"
 
         def rows(self, split):
@@ -61,7 +61,7 @@ def test_a_window_crosses_neither_rows_that_are_left_out_nor_a_pause_nor_the_end
         def images(self, rows):
             return (np.full((4, 4, 3), 9, np.uint8) for _ in rows)
 
-    read = read_frames(Made(), "train", height=4, width=4, folder=tmp_path, report=lambda text: None)
+    read = read_frames(MadeSet(), "train", height=4, width=4, folder=tmp_path, report=lambda text: None)
     assert read.windows(2, 1).tolist() == [[0, 1], [2, 3], [3, 4], [5, 6], [7, 8], [8, 9]]
     assert read.windows(2, 2).tolist() == [[2, 4], [7, 9]]
 

@@ -26,7 +26,7 @@ SETTINGS = (
 )
 
 
-def started(data: Dataset, out: Path, *words: str) -> "subprocess.Popen[bytes]":
+def start_training(data: Dataset, out: Path, *words: str) -> "subprocess.Popen[bytes]":
     command = [sys.executable, "-W", "ignore", "-m", "trepid", "train", "--data", str(data.folder)]
     command += ["--model", "steer", "--out", str(out), *SETTINGS, *words]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
@@ -46,7 +46,7 @@ def result(out: Path) -> tuple[dict[str, bytes], list[tuple[int, float]]]:
 def test_a_training_killed_at_20_random_moments_gives_the_weights_of_an_undisturbed_one(tmp_path):
     data = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", 360))
     began_s = time.monotonic()
-    whole = started(data, tmp_path / "whole.onnx")
+    whole = start_training(data, tmp_path / "whole.onnx")
     assert whole.wait(timeout=300) == 0, whole.stderr.read().decode()
     lasted_s = time.monotonic() - began_s
     expected = result(tmp_path / "whole.onnx")
@@ -55,14 +55,14 @@ def test_a_training_killed_at_20_random_moments_gives_the_weights_of_an_undistur
     for number in range(KILLS):
         out = tmp_path / f"{number}" / "killed.onnx"
         out.parent.mkdir()
-        training = started(data, out)
+        training = start_training(data, out)
         try:
             training.wait(timeout=moments.uniform(0.0, lasted_s))
         except subprocess.TimeoutExpired:
             training.kill()
             training.wait()
             killed += 1
-        resumed = started(data, out, "--resume")
+        resumed = start_training(data, out, "--resume")
         assert resumed.wait(timeout=300) == 0, resumed.stderr.read().decode()
         assert result(out) == expected, f"kill {number}"
     assert killed >= KILLS / 4  # the time of a training varies with the load

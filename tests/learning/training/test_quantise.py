@@ -29,7 +29,7 @@ QUICK = (
 @pytest.fixture(scope="module")
 def large(data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A network with 32 bits."""
-    return trained(data, tmp_path_factory.mktemp("weights") / "large.onnx", "steer")
+    return train_network(data, tmp_path_factory.mktemp("weights") / "large.onnx", "steer")
 
 
 @pytest.fixture(scope="module")
@@ -39,17 +39,17 @@ def small(data: Dataset, large: Path) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "LEAST_GAIN", 0.0)  # how fast this machine is does not decide
         patch.setattr(module, "MOST_ERROR", 10.0)
-        assert quantised(large, data, out) == 0
+        assert run_quantise(large, data, out) == 0
     return out
 
 
-def trained(data: Dataset, out: Path, model: str) -> Path:
+def train_network(data: Dataset, out: Path, model: str) -> Path:
     words = [word for text in QUICK for word in ("--set", text)]
     assert run("train", "--data", str(data.folder), "--model", model, "--out", str(out), *words) == 0
     return out
 
 
-def quantised(network: Path, data: Dataset, out: Path) -> int:
+def run_quantise(network: Path, data: Dataset, out: Path) -> int:
     return run("quantise", str(network), "--data", str(data.folder), "--out", str(out))
 
 
@@ -86,14 +86,14 @@ def test_a_network_with_8_bits_of_another_data_set_or_with_a_memory_is_refused(
     data, large, small, tmp_path, capfd
 ):
     out = tmp_path / "out.onnx"
-    assert quantised(small, data, out) == 2
+    assert run_quantise(small, data, out) == 2
     assert "has 8 bits already" in capfd.readouterr().err
     other = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", 300))
-    assert quantised(large, other, out) == 2
+    assert run_quantise(large, other, out) == 2
     assert "was trained on a data set with sha256" in capfd.readouterr().err
-    recurrent = trained(data, tmp_path / "recurrent.onnx", "cnn-lstm")
+    recurrent = train_network(data, tmp_path / "recurrent.onnx", "cnn-lstm")
     capfd.readouterr()
-    assert quantised(recurrent, data, out) == 2
+    assert run_quantise(recurrent, data, out) == 2
     assert "has a memory" in capfd.readouterr().err
     assert not out.exists()
 
@@ -115,7 +115,7 @@ def test_an_output_that_cannot_be_written_is_refused_in_one_line(data, large, tm
     out = tmp_path / "folder.onnx"
     out.mkdir()
     capfd.readouterr()
-    assert quantised(large, data, out) == 2
+    assert run_quantise(large, data, out) == 2
     assert "cannot be written" in capfd.readouterr().err
 
 

@@ -53,14 +53,14 @@ def weights(one: Trainer) -> dict[str, torch.Tensor]:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
+def whole_training(tmp_path_factory):
     whole = trainer(tmp_path_factory.mktemp("whole"))
     whole.run(resume=False)
     return whole
 
 
 @pytest.mark.parametrize("step", [1, 2, 3, 4, 5, 8, 9])
-def test_a_training_killed_at_any_step_gives_the_same_weights(step, undisturbed, tmp_path, monkeypatch):
+def test_a_training_killed_at_any_step_gives_the_same_weights(step, whole_training, tmp_path, monkeypatch):
     done = []
 
     def until(*args, **kwargs):
@@ -75,9 +75,9 @@ def test_a_training_killed_at_any_step_gives_the_same_weights(step, undisturbed,
     monkeypatch.undo()
     resumed = trainer(tmp_path)
     progress = resumed.run(resume=True)
-    assert all(torch.equal(value, weights(undisturbed)[name]) for name, value in weights(resumed).items())
+    assert all(torch.equal(value, weights(whole_training)[name]) for name, value in weights(resumed).items())
     assert [p["validation_mae_rad"] for p in progress.curve] == [
-        p["validation_mae_rad"] for p in undisturbed.progress.curve
+        p["validation_mae_rad"] for p in whole_training.progress.curve
     ]
 
 
@@ -95,7 +95,7 @@ def test_the_checkpoint_of_another_recipe_is_refused(tmp_path):
         trainer(tmp_path, batch="8").run(resume=True)
 
 
-def test_a_checkpoint_cut_in_half_is_named_and_the_one_before_is_used(undisturbed, tmp_path):
+def test_a_checkpoint_cut_in_half_is_named_and_the_one_before_is_used(whole_training, tmp_path):
     trainer(tmp_path).run(resume=False)
     path = tmp_path / "checkpoint"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
@@ -104,7 +104,7 @@ def test_a_checkpoint_cut_in_half_is_named_and_the_one_before_is_used(undisturbe
     resumed.report = said.append
     resumed.run(resume=True)
     assert said[0] == f"{path}: cut off or damaged: not used"
-    assert all(torch.equal(value, weights(undisturbed)[name]) for name, value in weights(resumed).items())
+    assert all(torch.equal(value, weights(whole_training)[name]) for name, value in weights(resumed).items())
 
 
 def test_damaged_checkpoints_alone_are_refused(tmp_path):

@@ -25,7 +25,7 @@ def stages(epochs: int, rate: float) -> str:
     return f"stages=[{{name: all, part: all, {fields}}}]"
 
 
-def trained(data: Dataset, out: Path, *words: str, epochs: int = 8, rate: float = 3e-3) -> int:
+def train_network(data: Dataset, out: Path, *words: str, epochs: int = 8, rate: float = 3e-3) -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of the ONNX export in torch
         command = ("train", "--data", str(data.folder), "--model", "steer", "--out", str(out), *SMALL)
@@ -35,7 +35,7 @@ def trained(data: Dataset, out: Path, *words: str, epochs: int = 8, rate: float 
 @pytest.fixture(scope="module")
 def first(data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("first") / "first.onnx"
-    assert trained(data, out) == 0
+    assert train_network(data, out) == 0
     return out
 
 
@@ -48,14 +48,14 @@ def angles(weights: Path, data: Dataset) -> np.ndarray:
 
 def test_a_training_that_learns_nothing_more_ends_with_the_network_that_it_began_with(data, first, tmp_path):
     out = tmp_path / "same.onnx"
-    assert trained(data, out, "--start", str(first), epochs=1, rate=1e-30) == 0
+    assert train_network(data, out, "--start", str(first), epochs=1, rate=1e-30) == 0
     assert angles(out, data) == pytest.approx(angles(first, data), abs=1e-6)
     assert "all of first.onnx, sha256" in out.with_suffix(".md").read_text()
 
 
 def test_a_training_that_makes_the_network_worse_keeps_the_weights_that_it_began_with(data, first, tmp_path):
     out = tmp_path / "spoilt.onnx"
-    assert trained(data, out, "--start", str(first), epochs=1, rate=10.0) == 0
+    assert train_network(data, out, "--start", str(first), epochs=1, rate=10.0) == 0
     assert angles(out, data) == pytest.approx(angles(first, data), abs=1e-5)
     assert "no epoch improved on them" in out.with_suffix(".md").read_text()
 
@@ -66,13 +66,13 @@ def test_the_first_epoch_of_a_continued_training_is_nearer_than_that_of_a_new_on
         return float(json.loads(lines[0])["validation_mae_rad"])
 
     for name, words in (("on.onnx", ("--start", str(first))), ("new.onnx", ())):
-        assert trained(data, tmp_path / name, *words, epochs=1, rate=1e-4) == 0
+        assert train_network(data, tmp_path / name, *words, epochs=1, rate=1e-4) == 0
     assert first_error(tmp_path / "on.onnx") < 0.7 * first_error(tmp_path / "new.onnx")
 
 
 def test_a_copy_of_a_network_can_be_begun_with_like_the_network(data, first, tmp_path):
     copy_start(first, tmp_path / "copy.onnx")
-    assert trained(data, tmp_path / "out.onnx", "--start", str(tmp_path / "copy.onnx"), epochs=1) == 0
+    assert train_network(data, tmp_path / "out.onnx", "--start", str(tmp_path / "copy.onnx"), epochs=1) == 0
 
 
 @pytest.mark.parametrize("fault", ["no folder", "other weights", "other size", "itself"])
@@ -87,20 +87,20 @@ def test_weights_that_are_not_those_of_the_file_are_refused_in_one_line(data, fi
         "itself": "is the network of --start itself",
     }[fault]
     if fault == "other weights":
-        assert trained(data, tmp_path / "other.onnx", "--set", "seed=7", epochs=1) == 0
+        assert train_network(data, tmp_path / "other.onnx", "--set", "seed=7", epochs=1) == 0
         shutil.copytree(work_folder(tmp_path / "other.onnx"), work_folder(start))
     elif fault != "no folder":
         shutil.copytree(work_folder(first), work_folder(start))
     if fault == "other size":
         words += ["--set", "width_px=64"]
     capsys.readouterr()
-    assert trained(data, start if fault == "itself" else out, *words) == 2
+    assert train_network(data, start if fault == "itself" else out, *words) == 2
     assert expected in capsys.readouterr().err and not out.exists()
 
 
 def test_a_training_on_a_straight_drive_says_in_its_card_that_nothing_was_shown(tmp_path, capsys):
     flat = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", 360, gain=0.001))
-    assert trained(flat, tmp_path / "flat.onnx", epochs=1) == 0
+    assert train_network(flat, tmp_path / "flat.onnx", epochs=1) == 0
     card = (tmp_path / "flat.md").read_text()
     assert "## What was learned" in card and "any constant angle fits them" in card
     assert "cannot show whether anything was learned" in card

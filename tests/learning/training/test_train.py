@@ -30,7 +30,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return made_dataset(folder / "set", tub)
 
 
-def trained(data: Dataset, out: Path, model: str, *words: str) -> int:
+def train_network(data: Dataset, out: Path, model: str, *words: str) -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of the ONNX export in torch
         return run("train", "--data", str(data.folder), "--model", model, "--out", str(out), *SMALL, *words)
@@ -42,7 +42,7 @@ def weights(data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     quick = (
         "stages=[{name: all, part: all, epochs: 16, learning_rate: 3.0e-3, schedule: cosine, patience: 16}]"
     )
-    assert trained(data, out, "steer", "--set", quick, "--set", "average=0.9") == 0
+    assert train_network(data, out, "steer", "--set", quick, "--set", "average=0.9") == 0
     return out
 
 
@@ -139,7 +139,7 @@ ONE_EPOCH = (
 )
 def test_other_networks_are_exported_as_torch_computes_them(data, tmp_path, model, more):
     sizes = ("--set", "width_px=16") if model == "jain" else ()
-    assert trained(data, tmp_path / "f.onnx", model, "--set", ONE_EPOCH, *sizes, "--set", more) == 0
+    assert train_network(data, tmp_path / "f.onnx", model, "--set", ONE_EPOCH, *sizes, "--set", more) == 0
     network = DriverNetwork(tmp_path / "f.onnx")  # refuses outputs that are not finite
     assert (network.initial_state is not None) == MODELS[model].recurrent
 
@@ -150,7 +150,7 @@ def test_two_stages_an_auto_encoder_and_matched_histograms_train(data, tmp_path)
         " {name: fine, part: all, epochs: 1, learning_rate: 1.0e-4, schedule: cosine, patience: 1}]"
     )
     more = ("--set", "pretrain_epochs=1", "--set", "histogram=match", "--set", "balance=0.5")
-    assert trained(data, tmp_path / "f.onnx", "steer", "--set", stages, *more) == 0
+    assert train_network(data, tmp_path / "f.onnx", "steer", "--set", stages, *more) == 0
     curve = (tmp_path / "f.onnx.train" / "curve.jsonl").read_text().splitlines()
     assert [json.loads(line)["stage"] for line in curve] == [0, 1]
     dark, bright = (np.full((48, 64, 3), grey, np.uint8) for grey in (40, 80))
@@ -161,7 +161,7 @@ def test_two_stages_an_auto_encoder_and_matched_histograms_train(data, tmp_path)
 
 def test_a_loss_that_is_not_finite_ends_the_training_with_a_line(data, tmp_path, capfd):
     wild = ONE_EPOCH.replace("1.0e-3", "1.0e+30")
-    assert trained(data, tmp_path / "f.onnx", "rausch", "--set", wild, "--set", "optimiser=sgd") == 2
+    assert train_network(data, tmp_path / "f.onnx", "rausch", "--set", wild, "--set", "optimiser=sgd") == 2
     assert "lower the learning rate of the stage 'all'" in capfd.readouterr().err
     assert not (tmp_path / "f.onnx").exists()
 
@@ -192,28 +192,28 @@ def test_the_list_names_every_network_with_its_weights(capfd):
 def test_an_unfinished_training_is_continued_or_kept(data, tmp_path, monkeypatch, capfd):
     out = tmp_path / "f.onnx"
 
-    def killed(*_: object, **__: object) -> None:
+    def kill(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("learning.training.loop._status", killed)  # after the first epoch
-        assert trained(data, out, "steer", "--set", ONE_EPOCH) == 130
-    assert trained(data, out, "steer", "--set", ONE_EPOCH) == 2
+        patched.setattr("learning.training.loop._status", kill)  # after the first epoch
+        assert train_network(data, out, "steer", "--set", ONE_EPOCH) == 130
+    assert train_network(data, out, "steer", "--set", ONE_EPOCH) == 2
     assert "--resume continues it" in capfd.readouterr().err
-    assert trained(data, out, "steer", "--set", ONE_EPOCH, "--resume") == 0
+    assert train_network(data, out, "steer", "--set", ONE_EPOCH, "--resume") == 0
 
 
 def test_an_auto_encoder_continues_after_its_last_epoch(data, tmp_path, monkeypatch, capfd):
     out, more = tmp_path / "f.onnx", ("--set", ONE_EPOCH, "--set", "pretrain_epochs=2")
 
-    def killed(*_: object, **__: object) -> None:
+    def kill(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("learning.training.loop.Trainer.run", killed)
-        assert trained(data, out, "steer", *more) == 130
+        patched.setattr("learning.training.loop.Trainer.run", kill)
+        assert train_network(data, out, "steer", *more) == 130
     capfd.readouterr()
-    assert trained(data, out, "steer", *more, "--resume") == 0
+    assert train_network(data, out, "steer", *more, "--resume") == 0
     assert "auto-encoder: epoch" not in capfd.readouterr().err
 
 
@@ -221,7 +221,7 @@ def test_an_auto_encoder_continues_after_its_last_epoch(data, tmp_path, monkeypa
 def test_no_other_file_is_overwritten(verb, data, weights, tmp_path, capfd):
     if verb == "train":
         (tmp_path / "README.md").write_text("mine")
-        assert trained(data, tmp_path / "README.onnx", "steer", "--set", ONE_EPOCH) == 2
+        assert train_network(data, tmp_path / "README.onnx", "steer", "--set", ONE_EPOCH) == 2
         assert "is no model card" in capfd.readouterr().err and (tmp_path / "README.md").read_text() == "mine"
     else:
         before = weights.read_bytes()

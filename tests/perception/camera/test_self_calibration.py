@@ -18,7 +18,7 @@ def road(horizon, middle=0.5, count=4):
     return image
 
 
-def slanted(angle_deg):
+def slanted_lines(angle_deg):
     """Long parallel lines that meet nowhere, as on a wall."""
     image = np.full((HEIGHT_PX, WIDTH_PX), 80, np.uint8)
     slope = np.tan(np.radians(angle_deg))
@@ -39,7 +39,7 @@ def test_frames_without_a_road_do_not_move_a_horizon_that_many_frames_show():
     horizon = Horizon(SETTINGS)
     for _ in range(8):
         before = horizon.update(road(0.6))
-    assert horizon.update(slanted(50)) == pytest.approx(before, abs=0.02)
+    assert horizon.update(slanted_lines(50)) == pytest.approx(before, abs=0.02)
     assert horizon.update(np.full((HEIGHT_PX, WIDTH_PX), 80, np.uint8)) == pytest.approx(before, abs=0.02)
 
 

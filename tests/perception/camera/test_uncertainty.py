@@ -101,7 +101,7 @@ def test_the_camera_is_turned_to_the_measured_horizon_and_direction():
     assert believed_camera(CAMERA, BELIEF, None) == CAMERA
 
 
-def seen_by(camera: Camera, pixels: np.ndarray) -> Lane:
+def lane_of_pixels(camera: Camera, pixels: np.ndarray) -> Lane:
     """The clothoid through points of a lane centre that have these ``pixels``; the axle is below the camera."""
     x, y = camera.road_from_pixel(pixels).T
     e, psi, kappa, rate = np.linalg.lstsq(np.column_stack([-(x**0), -x, x**2 / 2, x**3 / 6]), y, rcond=None)[
@@ -117,7 +117,7 @@ def test_the_place_of_a_lane_varies_with_the_camera_as_a_camera_with_other_value
     x = np.linspace(5.0, 30.0, 40)
     pixels = true.pixel_from_road(np.column_stack([x, [lane.y_m(at) for at in x]]))
     other = true.model_copy(update={"height_m": 1.3 * height, "fx_px": 430 * focal, "fy_px": 430 * focal})
-    moved = [abs(seen_by(other, pixels).y_m(at) - lane.y_m(at)) for at in SIGMA_AHEAD_M]
+    moved = [abs(lane_of_pixels(other, pixels).y_m(at) - lane.y_m(at)) for at in SIGMA_AHEAD_M]
     belief = CameraBelief(1.3, math.log(height), 430.0, math.log(focal))
     assert np.sqrt(belief.place_variance_m2(lane, SIGMA_AHEAD_M)) == pytest.approx(moved, rel=0.03, abs=1e-4)
 

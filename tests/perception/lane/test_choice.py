@@ -31,7 +31,7 @@ ONE_LANE, TWO_LANES = fit(4.2, 0.35, apart=8.0), fit(6.2, 0.35, apart=8.0)
 
 
 @dataclass
-class Given:
+class GivenSearch:
     """Candidates in place of a search; records the searches."""
 
     lines: LaneFit = NO_LANE
@@ -69,7 +69,7 @@ class Given:
         return self.around or NO_LANE
 
 
-def chosen(given: Given, memory: LaneMemory | None = None, choice: LaneChoice | None = None):
+def choose(given: GivenSearch, memory: LaneMemory | None = None, choice: LaneChoice | None = None):
     return (choice or LaneChoice(SETTINGS, RATING)).choose(given, memory or LaneMemory(SETTINGS, RATING))
 
 
@@ -80,24 +80,24 @@ def memory_of(lane: LaneFit) -> LaneMemory:
 
 
 def test_two_good_lines_need_no_search_for_edges():
-    given = Given(lines=GOOD, edges=ONE_LANE)
-    assert chosen(given).fit is GOOD and given.searched == ["lines"]
+    given = GivenSearch(lines=GOOD, edges=ONE_LANE)
+    assert choose(given).fit is GOOD and given.searched == ["lines"]
 
 
 def test_edges_of_one_lane_win_against_lines_of_a_lower_score():
-    assert chosen(Given(lines=WEAK, edges=ONE_LANE)).fit is ONE_LANE
+    assert choose(GivenSearch(lines=WEAK, edges=ONE_LANE)).fit is ONE_LANE
 
 
 def test_probable_lines_win_against_edges_of_two_lanes_of_a_higher_score():
     lines, edges = RATING.candidate(WEAK), RATING.candidate(TWO_LANES)
     assert lines.score < edges.score
     assert RATING.probability_of(edges, looks=0) > SETTINGS.min_probability
-    best = chosen(Given(lines=WEAK, edges=TWO_LANES))
+    best = choose(GivenSearch(lines=WEAK, edges=TWO_LANES))
     assert best.fit is WEAK and best.sure
 
 
 def test_without_any_candidate_nothing_is_chosen():
-    assert chosen(Given()) is None
+    assert choose(GivenSearch()) is None
 
 
 @pytest.mark.parametrize(("offset_m", "frames"), [(0.1, 3), (1.0, 3 + 2 * SETTINGS.track.rival_every)])
@@ -105,32 +105,32 @@ def test_a_better_lane_elsewhere_replaces_a_weak_one_at_its_first_fit_only_if_it
     offset_m, frames
 ):
     memory, choice = memory_of(GOOD), LaneChoice(SETTINGS, RATING)
-    given = Given(lines=fit(3.4, 0.35, offset_m=offset_m), near=WEAK)
-    fits = [chosen(given, memory, choice).fit for _ in range(frames)]
+    given = GivenSearch(lines=fit(3.4, 0.35, offset_m=offset_m), near=WEAK)
+    fits = [choose(given, memory, choice).fit for _ in range(frames)]
     assert [one is WEAK for one in fits] == [True] * (frames - 1) + [False]
 
 
-def searches_of(given: Given, memory: LaneMemory, frames: int) -> list[list[str]]:
+def searches_of(given: GivenSearch, memory: LaneMemory, frames: int) -> list[list[str]]:
     """The searches of each frame."""
     choice, found = LaneChoice(SETTINGS, RATING), []
     for _ in range(frames):
         given.searched = []
-        chosen(given, memory, choice)
+        choose(given, memory, choice)
         found.append(given.searched)
     return found
 
 
 def test_a_search_for_a_rival_takes_two_frames_of_one_look_near_the_remembered_lane_each():
-    cycle = searches_of(Given(near=WEAK), memory_of(GOOD), 1 + SETTINGS.track.rival_every)
+    cycle = searches_of(GivenSearch(near=WEAK), memory_of(GOOD), 1 + SETTINGS.track.rival_every)
     both = ["at", "near"]
     assert cycle == [both, ["at", "shape"], ["near", "like"], both, both]
 
 
 def test_a_single_weak_frame_begins_no_search_for_a_rival():
-    given, memory, choice = Given(lines=GOOD), memory_of(GOOD), LaneChoice(SETTINGS, RATING)
+    given, memory, choice = GivenSearch(lines=GOOD), memory_of(GOOD), LaneChoice(SETTINGS, RATING)
     for near in (WEAK, GOOD) * 4:
         given.near = near
-        chosen(given, memory, choice)
+        choose(given, memory, choice)
     assert "shape" not in given.searched
 
 
@@ -138,7 +138,7 @@ def test_a_single_weak_frame_begins_no_search_for_a_rival():
 @pytest.mark.parametrize("near", [NO_LANE, fit(3.4, 0.04), WEAK])
 @pytest.mark.parametrize("remembered", [GOOD, ONE_LANE])
 def test_a_frame_without_a_good_lane_has_at_most_three_searches(remembered, near, around):
-    frames = searches_of(Given(near=near, around=around), memory_of(remembered), 40)
+    frames = searches_of(GivenSearch(near=near, around=around), memory_of(remembered), 40)
     assert max(map(len, frames)) <= 3
 
 
@@ -147,7 +147,7 @@ def test_between_good_edges_missing_lines_are_looked_for_every_few_frames(rememb
     edges = fit(3.7, 0.35, apart=8.0) if remembered is GOOD else ONE_LANE
     looks = [
         any(one in frame for one in ("at", "near"))
-        for frame in searches_of(Given(around=edges), memory_of(remembered), 13)
+        for frame in searches_of(GivenSearch(around=edges), memory_of(remembered), 13)
     ]
     assert [number for number, look in enumerate(looks) if look] == list(
         range(0, 13, SETTINGS.track.lines_every)
@@ -158,7 +158,7 @@ def test_between_good_edges_missing_lines_are_looked_for_every_few_frames(rememb
 def test_a_road_with_a_second_lane_on_either_side_is_found_by_one_layout_a_frame(side):
     lane = fit(3.4, 0.35)
     road = fit(3.4 + 3.7, 0.35, offset_m=-side * 1.75, apart=8.0)
-    memory, given = memory_of(lane), Given(around=road)
+    memory, given = memory_of(lane), GivenSearch(around=road)
     frames = [frame.count("around") for frame in searches_of(given, memory, 5)]
     assert frames == [1] * 5 and memory.neighbour == side
 
@@ -166,7 +166,7 @@ def test_a_road_with_a_second_lane_on_either_side_is_found_by_one_layout_a_frame
 def test_edges_right_after_lines_do_not_replace_a_more_probable_remembered_lane():
     memory = memory_of(GOOD)
     edges = fit(3.7, 0.12, apart=0.0)
-    given = Given(near=NO_LANE)
+    given = GivenSearch(near=NO_LANE)
     given.edges_at = lambda predicted: edges
     assert RATING.candidate(edges).score >= SETTINGS.min_score
-    assert chosen(given, memory) is None
+    assert choose(given, memory) is None

@@ -213,7 +213,7 @@ def test_lines_after_an_unmarked_section_are_found_at_the_next_look_for_them(fra
 def test_the_confidence_of_a_remembered_lane_falls_with_time_or_way_the_later(speed_mps):
     finder, track = LaneCv(SETTINGS, CAMERA, VEHICLE), SETTINGS.track
 
-    def seen(number, image):
+    def confidence_of(number, image):
         state = VehicleState(
             t_s=0.04 * number,
             speed_mps=speed_mps,
@@ -223,9 +223,9 @@ def test_the_confidence_of_a_remembered_lane_falls_with_time_or_way_the_later(sp
         )
         return finder.step(Frame(t_s=state.t_s, image=image), state, now_s=state.t_s).confidence
 
-    seen(0, road((0.1, 0.0, 0.0, 0.0)))
+    confidence_of(0, road((0.1, 0.0, 0.0, 0.0)))
     dark = np.zeros((240, 320, 3), np.uint8)
-    first, *_, last = (seen(number, dark) for number in range(1, 12))
+    first, *_, last = (confidence_of(number, dark) for number in range(1, 12))
     lost = 0.4 * min(1.0 / track.coast_decay_s, speed_mps / track.coast_decay_m)
     assert last / first == pytest.approx(np.exp(-lost), rel=0.03)
 

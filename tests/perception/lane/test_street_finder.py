@@ -17,7 +17,7 @@ DASHCAM = CAMERA.model_copy(
 PAVEMENT = (165, 165, 165)
 
 
-def found(image, camera=DASHCAM, **kwargs):
+def find_street(image, camera=DASHCAM, **kwargs):
     return street_lane(image, camera, SETTINGS, height_sigma=0.2, **kwargs)
 
 
@@ -35,7 +35,7 @@ def two_ways(lane=(0.0, 0.0, 0.0, 0.0), camera=DASHCAM, seed=0):
 
 @pytest.mark.parametrize("offset_m", [-0.4, 0.0, 0.4])
 def test_the_lines_of_a_plain_lane_are_its_pair(offset_m):
-    lane = found(road((offset_m, 0.0, 0.0, 0.0), camera=DASHCAM))
+    lane = find_street(road((offset_m, 0.0, 0.0, 0.0), camera=DASHCAM))
     assert lane.pair.left.kind == lane.pair.right.kind == BoundaryKind.LINE
     assert lane.pair.width_m == pytest.approx(3.4, abs=0.25)
     assert lane.pair.offset_m == pytest.approx(offset_m, abs=0.1)
@@ -44,14 +44,14 @@ def test_the_lines_of_a_plain_lane_are_its_pair(offset_m):
 
 
 def test_of_a_street_of_two_ways_the_half_of_the_car_is_the_lane():
-    lane = found(two_ways())
+    lane = find_street(two_ways())
     assert (lane.pair.left.kind, lane.pair.right.kind) == (BoundaryKind.STEP, BoundaryKind.LINE)
     assert [lane.pair.left.left_m, lane.pair.right.left_m] == pytest.approx([1.6, -1.6], abs=0.2)
 
 
 def test_the_mirrored_street_has_the_mirrored_lane():
-    one = found(two_ways()).pair
-    other = found(np.ascontiguousarray(two_ways()[:, ::-1])).pair
+    one = find_street(two_ways()).pair
+    other = find_street(np.ascontiguousarray(two_ways()[:, ::-1])).pair
     assert other.left.kind == one.right.kind and other.right.kind == one.left.kind
     assert [other.left.left_m, other.right.left_m] == pytest.approx(
         [-one.right.left_m, -one.left.left_m], abs=0.15
@@ -62,7 +62,7 @@ def test_the_mirrored_street_has_the_mirrored_lane():
 def test_the_horizon_of_the_street_is_found_from_a_guess_one_step_away(pitch_rad):
     camera = DASHCAM.model_copy(update={"pitch_down_rad": pitch_rad})
     guess = DASHCAM.model_copy(update={"pitch_down_rad": 0.02})
-    lane = found(road((0.0, 0.0, 0.0, 0.0), camera=camera), guess)
+    lane = find_street(road((0.0, 0.0, 0.0, 0.0), camera=camera), guess)
     step = SETTINGS.street.search.horizon_step
     assert lane.profile.course.horizon == pytest.approx(horizon_of(camera), abs=0.75 * step)
     assert horizon_of(lane.camera) == pytest.approx(lane.profile.course.horizon)
@@ -71,19 +71,19 @@ def test_the_horizon_of_the_street_is_found_from_a_guess_one_step_away(pitch_rad
 
 def test_a_camera_of_unknown_height_sees_lanes_as_wide_as_its_assumed_height_says():
     lower = DASHCAM.model_copy(update={"height_m": 1.0})
-    lane = found(road((0.0, 0.0, 0.0, 0.0), camera=lower), DASHCAM)
+    lane = find_street(road((0.0, 0.0, 0.0, 0.0), camera=lower), DASHCAM)
     assert lane.pair.width_m == pytest.approx(3.4 * 1.3, rel=0.06)
     assert lane.pair.height * lane.pair.width_m < lane.pair.width_m - 0.2
 
 
 def test_a_plain_surface_has_no_lane():
-    assert found(np.full((240, 320, 3), 90, np.uint8)) is None
+    assert find_street(np.full((240, 320, 3), 90, np.uint8)) is None
 
 
 def test_a_large_image_has_the_lane_of_the_small_one():
     image = two_ways()
     large = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR).astype(np.uint8)
-    one, other = found(image), found(large, DASHCAM.resize(640, 480))
+    one, other = find_street(image), find_street(large, DASHCAM.resize(640, 480))
     assert other.pair.left.left_m == pytest.approx(one.pair.left.left_m, abs=0.15)
     assert other.pair.right.left_m == pytest.approx(one.pair.right.left_m, abs=0.15)
     assert other.camera.width_px == 640

@@ -18,21 +18,21 @@ DASHCAM = CAMERA.model_copy(
 STRAIGHT = (0.1, 0.0, 0.0, 0.0)
 
 
-def assumed(image):
+def assumed_camera(image):
     return calibrate_by_images([image], SETTINGS.self_calibration)
 
 
 def unknown(image):
-    return LaneOfUnknownCamera(SETTINGS, assumed(image), VEHICLE)
+    return LaneOfUnknownCamera(SETTINGS, assumed_camera(image), VEHICLE)
 
 
-def seen_by(finder, image, t_s=0.0, state=None):
+def estimate_by(finder, image, t_s=0.0, state=None):
     return finder.step(Frame(t_s=t_s, image=image), state, now_s=t_s)
 
 
 def test_a_marked_lane_that_is_the_same_at_all_heights_is_sure():
     image = road(STRAIGHT, camera=DASHCAM)
-    seen = seen_by(unknown(image), image)
+    seen = estimate_by(unknown(image), image)
     assert seen.lanes_detected == 2 and seen.confidence > 0.6
     assert seen.lane_width_m == pytest.approx(3.4, rel=0.15)
 
@@ -42,7 +42,7 @@ def test_a_width_that_only_an_unlikely_height_explains_is_less_sure_than_with_a_
     height_m = 1.3 * 3.4 / width_m  # at which the lane would be 3.4 m wide
     image = road(STRAIGHT, camera=DASHCAM, width_m=width_m)
     known = look(image, DASHCAM.model_copy(update={"height_m": height_m}))
-    seen = seen_by(unknown(image), image)
+    seen = estimate_by(unknown(image), image)
     assert known.confidence > 0.6
     assert seen.confidence < known.confidence - 0.1
 
@@ -50,7 +50,7 @@ def test_a_width_that_only_an_unlikely_height_explains_is_less_sure_than_with_a_
 def test_an_unmarked_street_of_two_lanes_is_not_surely_one_lane():
     image = road(STRAIGHT, camera=DASHCAM, width_m=6.8, left=None, right=None, verge_m=0.0)
     low = look(image, DASHCAM.model_copy(update={"height_m": 0.8}))
-    seen = seen_by(unknown(image), image)
+    seen = estimate_by(unknown(image), image)
     assert low.confidence > seen.confidence and seen.confidence < 0.5
 
 
@@ -58,7 +58,7 @@ def test_a_lane_with_a_dashed_line_inside_is_less_sure():
     plain = road(STRAIGHT, camera=DASHCAM, width_m=4.0)
     divided = plain.copy()
     ribbon(divided, DASHCAM, STRAIGHT, 0.06, 0.12, WHITE, lambda station_m: station_m % 6 < 3)
-    sure, doubtful = seen_by(unknown(plain), plain), seen_by(unknown(divided), divided)
+    sure, doubtful = estimate_by(unknown(plain), plain), estimate_by(unknown(divided), divided)
     assert doubtful.confidence < 0.8 * sure.confidence
 
 
@@ -70,22 +70,22 @@ def test_a_line_inside_the_lane_is_found_and_an_arrow_is_not_one():
     found = []
     for image in (plain, divided, arrow):
         finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
-        seen_by(finder, image)
+        estimate_by(finder, image)
         found.append(finder.line_within)
     assert found[0] == found[2] == 0.0 and found[1] > 0.2
 
 
 def test_a_lane_that_noise_moves_is_less_sure():
     image = road(STRAIGHT, camera=DASHCAM)
-    steady, finder = seen_by(unknown(image), image), unknown(image)
+    steady, finder = estimate_by(unknown(image), image), unknown(image)
     finder._agreement_in = lambda *_: 0.5  # the lane in the changed image
-    seen = seen_by(finder, image)
+    seen = estimate_by(finder, image)
     assert seen.confidence == pytest.approx(0.5 * steady.confidence, rel=0.1)
 
 
 def test_the_place_of_the_lane_is_less_certain_than_with_a_camera_file():
     image = road((0.5, 0.05, 0.0, 0.0), camera=DASHCAM)
-    seen, known = seen_by(unknown(image), image), look(image, assumed(image))
+    seen, known = estimate_by(unknown(image), image), look(image, assumed_camera(image))
     pairs = list(zip(seen.ahead_sigma_m, known.ahead_sigma_m, strict=True))
     assert all(own > other for own, other in pairs[:4])
 
@@ -98,7 +98,7 @@ def test_the_height_is_known_to_five_per_cent_after_seconds_between_two_lines(he
         SETTINGS, calibrate_by_images(images[:9], SETTINGS.self_calibration), VEHICLE
     )
     for number, image in enumerate(images):
-        seen = seen_by(finder, image, t_s=0.04 * number)
+        seen = estimate_by(finder, image, t_s=0.04 * number)
     assert finder.belief.height_m == pytest.approx(height_m, rel=0.05)
     assert finder.belief.height_sigma < SETTINGS.self_calibration.height_sigma / 2
     assert seen.confidence > 0.6 and seen.lane_width_m == pytest.approx(3.4, rel=0.1)
@@ -120,9 +120,9 @@ def test_odometry_makes_a_lane_of_unusual_height_and_lens_sure_and_right():
     camera = DASHCAM.model_copy(update={"height_m": 1.9, "fx_px": 240.0, "fy_px": 240.0})
     image = road(STRAIGHT, camera=camera)
     finder = unknown(image)
-    before = seen_by(finder, image)
+    before = estimate_by(finder, image)
     finder.add_optics(optics_of(camera, finder.camera))
-    after = seen_by(finder, image, t_s=0.04)
+    after = estimate_by(finder, image, t_s=0.04)
     assert finder.belief.height_m == pytest.approx(1.9, rel=0.03) and finder.camera.fx_px == pytest.approx(
         240, rel=0.03
     )
@@ -137,9 +137,9 @@ def test_dashes_of_known_length_narrow_the_product_of_height_and_focal_length():
     products = []
     for period_m in (None, 9.0):
         vehicle = VEHICLE.model_copy(update={"dash_period_m": period_m})
-        finder = LaneOfUnknownCamera(SETTINGS, assumed(images[0]), vehicle)
+        finder = LaneOfUnknownCamera(SETTINGS, assumed_camera(images[0]), vehicle)
         for number, image in enumerate(images):
-            seen_by(finder, image, t_s=0.04 * number)
+            estimate_by(finder, image, t_s=0.04 * number)
         products.append(finder.belief.height_m * finder.belief.focal_px)
     without, known = np.abs(np.log(np.array(products) / (1.5 * 320.0)))
     assert known < 0.7 * without and known < 0.1
@@ -164,11 +164,11 @@ def test_a_lane_is_followed_through_a_clip_and_lost_in_the_dark():
     for number in range(12):
         image = road(STRAIGHT, camera=DASHCAM, seed=number)
         finder = finder or unknown(image)
-        seen = seen_by(finder, image, t_s=0.04 * number, state=state)
+        seen = estimate_by(finder, image, t_s=0.04 * number, state=state)
     assert seen.lateral_offset_m == pytest.approx(0.1, abs=0.1) and seen.reason == ""
     dark = np.zeros_like(image)
     for number in range(12, 110):
-        seen = seen_by(finder, dark, t_s=0.04 * number, state=state)
+        seen = estimate_by(finder, dark, t_s=0.04 * number, state=state)
     assert seen.confidence == 0.0 and seen.lateral_offset_m is None and seen.ahead_sigma_m == ()
 
 
@@ -182,7 +182,7 @@ def test_the_reason_names_another_lane_at_other_heights():
     image = road(STRAIGHT, camera=DASHCAM)
     finder = unknown(image)
     finder._probabilities = lambda: np.full(4, 0.3)  # the lanes at the four heights contradict each other
-    assert seen_by(finder, image).reason == OTHER_LANE
+    assert estimate_by(finder, image).reason == OTHER_LANE
 
 
 def test_only_an_assumed_camera_is_unknown():
@@ -192,8 +192,8 @@ def test_only_an_assumed_camera_is_unknown():
 
 def test_a_twin_finds_the_same_lane_and_keeps_a_state_of_its_own():
     finder, image = LaneCv(SETTINGS, CAMERA, VEHICLE), road(STRAIGHT)
-    seen_by(finder, image)
+    estimate_by(finder, image)
     twin = finder.twin()
-    other = seen_by(twin, road((0.3, 0.02, 0.0, 0.0)), t_s=0.04)
-    assert seen_by(finder, image, t_s=0.04).lateral_offset_m == pytest.approx(0.1, abs=0.05)
+    other = estimate_by(twin, road((0.3, 0.02, 0.0, 0.0)), t_s=0.04)
+    assert estimate_by(finder, image, t_s=0.04).lateral_offset_m == pytest.approx(0.1, abs=0.05)
     assert other.lateral_offset_m > 0.15

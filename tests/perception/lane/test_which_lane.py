@@ -19,15 +19,15 @@ DASHCAM = CAMERA.model_copy(
 STRAIGHT = (0.1, 0.0, 0.0, 0.0)
 
 
-def assumed(image):
+def assumed_camera(image):
     return calibrate_by_images([image], SETTINGS.self_calibration)
 
 
 def unknown(image, vehicle=VEHICLE):
-    return WhichLane(SETTINGS, assumed(image), vehicle)
+    return WhichLane(SETTINGS, assumed_camera(image), vehicle)
 
 
-def seen_by(finder, image, t_s=0.0):
+def estimate_by(finder, image, t_s=0.0):
     return finder.step(Frame(t_s=t_s, image=image), None, now_s=t_s)
 
 
@@ -40,14 +40,14 @@ def test_a_self_calibrated_camera_gets_the_estimator_of_streets():
 def test_a_plain_marked_lane_is_sure_and_both_finders_have_it():
     image = road(STRAIGHT, camera=DASHCAM)
     finder = unknown(image)
-    seen = seen_by(finder, image)
+    seen = estimate_by(finder, image)
     assert seen.confidence > 0.6 and seen.lanes_detected == 2 and len(finder.looks) == 2
     assert seen.lane_width_m == pytest.approx(3.4, rel=0.15)
 
 
 def test_an_image_without_a_lane_has_no_confidence():
     image = np.full((240, 320, 3), 90, np.uint8)
-    assert seen_by(unknown(image), image).confidence < 0.1
+    assert estimate_by(unknown(image), image).confidence < 0.1
 
 
 def test_a_dark_street_is_brightened_and_a_light_one_is_not():
@@ -80,7 +80,7 @@ def test_a_lane_of_a_higher_camera_is_wider_and_bends_less():
 
 def test_estimators_of_an_assumed_camera_share_their_lane_finder_and_estimate_as_alone():
     images = [road(STRAIGHT, camera=DASHCAM, seed=number) for number in range(3)]
-    camera = assumed(images[0])
+    camera = assumed_camera(images[0])
     frames = [Frame(t_s=0.04 * number, image=image) for number, image in enumerate(images)]
     alone = {name: entry_of(name).build(camera, VEHICLE, assumed=True) for name in ("cnn", "cv")}
     beside = build_beside(alone, camera, VEHICLE, assumed=True, odometry=StateOdometry.NONE)
@@ -92,7 +92,7 @@ def test_estimators_of_an_assumed_camera_share_their_lane_finder_and_estimate_as
 
 def test_the_same_frame_again_has_the_same_estimate():
     image = road(STRAIGHT, camera=DASHCAM)
-    finder, frame = WhichLane(SETTINGS, assumed(image), VEHICLE), Frame(t_s=0.0, image=image)
+    finder, frame = WhichLane(SETTINGS, assumed_camera(image), VEHICLE), Frame(t_s=0.0, image=image)
     first = finder.step(frame, None, now_s=0.0)
     assert finder.step(frame, None, now_s=0.1) is first
     assert finder.step(Frame(t_s=0.04, image=image), None, now_s=0.1) is not first
@@ -102,7 +102,7 @@ def test_the_same_frame_again_has_the_same_estimate():
 def test_a_small_car_with_an_assumed_camera_has_a_lane_of_its_own_size(scale):
     vehicle = VEHICLE.model_copy(update={"lane_width_m": 3.3 * scale})
     image = road(STRAIGHT, camera=DASHCAM, width_m=3.3)
-    camera = assumed(image).model_copy(update={"height_m": 1.3 * scale, "x_m": 1.7 * scale})
+    camera = assumed_camera(image).model_copy(update={"height_m": 1.3 * scale, "x_m": 1.7 * scale})
     built = build_beside(["cv"], camera, vehicle, assumed=True, odometry=StateOdometry.NONE)
     seen = built["cv"].step(Frame(t_s=0.0, image=image), None, now_s=0.0)
     assert seen.lane_width_m == pytest.approx(3.3 * scale, rel=0.15)

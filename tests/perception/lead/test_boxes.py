@@ -56,7 +56,7 @@ READ = {
 }
 
 
-def written(path: Path, form) -> Path:
+def write_network(path: Path, form) -> Path:
     form = dict(form)
     table = form.pop("table").copy()
     if form.pop("shares", False):
@@ -69,7 +69,7 @@ def written(path: Path, form) -> Path:
 def test_the_car_in_a_table_is_found_where_it_is(tmp_path, name):
     form = dict(READ[name])
     settings = YOLO.model_copy(update={"class_count": form.pop("class_count", None)})
-    found = BoxDetector(written(tmp_path / "d.onnx", form), settings, CAMERA).boxes(IMAGE)
+    found = BoxDetector(write_network(tmp_path / "d.onnx", form), settings, CAMERA).boxes(IMAGE)
     assert len(found) == 1
     assert found[0].corners == pytest.approx(np.array(CAR_CORNERS) * SCALE, rel=1e-3)
     assert found[0].confidence == pytest.approx(SCORE, abs=1e-3)
@@ -82,7 +82,7 @@ def test_a_car_is_found_by_its_own_class_alone(tmp_path):
         assert BoxDetector(path, other, CAMERA).boxes(IMAGE) == []
 
 
-def scored(value: float, row: int = 4):
+def score_table(value: float, row: int = 4):
     table = plain(189)
     table[row, 5] = value
     return table
@@ -118,11 +118,14 @@ REFUSED = {
     ),
     "two pictures in the table": (dict(table=np.zeros((2, 84, 189))), "(2, 84, 189), expected one table"),
     "logits": (
-        dict(table=scored(-7.5, 4 + 2)),
+        dict(table=score_table(-7.5, 4 + 2)),
         "its scores for a grey picture are -7.5 to 0.75, expected 0 to 1",
     ),
-    "no numbers": (dict(table=scored(math.nan)), "its outputs for a grey picture are not finite"),
-    "no finite boxes": (dict(table=scored(math.inf, 2)), "its outputs for a grey picture are not finite"),
+    "no numbers": (dict(table=score_table(math.nan)), "its outputs for a grey picture are not finite"),
+    "no finite boxes": (
+        dict(table=score_table(math.inf, 2)),
+        "its outputs for a grey picture are not finite",
+    ),
 }
 
 

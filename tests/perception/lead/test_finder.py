@@ -187,7 +187,7 @@ def test_a_point_goes_to_the_odometry_frame_and_back() -> None:
     assert odometry.to_vehicle(there) == pytest.approx((12.0, -3.0))
 
 
-def tracked(lead_mps: float, own_mps: float, *, side: float = 1.0, frames: int = 100) -> Tracker:
+def track_lead(lead_mps: float, own_mps: float, *, side: float = 1.0, frames: int = 100) -> Tracker:
     """Noisy detections of a lead that drives straight ahead of us."""
     rng = np.random.default_rng(3)
     tracker = Tracker(SETTINGS.track, eye_m=CAMERA.x_m)
@@ -201,18 +201,18 @@ def tracked(lead_mps: float, own_mps: float, *, side: float = 1.0, frames: int =
 
 @pytest.mark.parametrize(("lead_mps", "own_mps"), [(5.0, 5.0), (3.0, 6.0), (0.0, 4.0)])
 def test_a_track_has_the_speed_of_the_vehicle_over_ground(lead_mps: float, own_mps: float) -> None:
-    (track,) = tracked(lead_mps, own_mps).tracks
+    (track,) = track_lead(lead_mps, own_mps).tracks
     assert track.state[2] == pytest.approx(lead_mps, abs=0.7)
     assert track.confidence > 0.9
 
 
 def test_mirrored_detections_give_the_mirrored_track() -> None:
-    (left,), (right,) = (tracked(5.0, 5.0, side=side).tracks for side in (1.0, -1.0))
+    (left,), (right,) = (track_lead(5.0, 5.0, side=side).tracks for side in (1.0, -1.0))
     assert left.state * (1, -1, 1, -1) == pytest.approx(right.state)
 
 
 def test_the_confidence_of_an_undetected_vehicle_falls_until_its_track_is_dropped() -> None:
-    tracker = tracked(5.0, 5.0)
+    tracker = track_lead(5.0, 5.0)
     confidences = []
     while tracker.tracks:
         confidences.append(tracker.tracks[0].confidence)
@@ -221,7 +221,7 @@ def test_the_confidence_of_an_undetected_vehicle_falls_until_its_track_is_droppe
     assert len(confidences) * PERIOD_S <= SETTINGS.track.max_coast_s + PERIOD_S
 
 
-def found(detections: list[Detection], *, yaw_rate_radps: float = 0.0, known: bool = True) -> LeadVehicle:
+def find_lead(detections: list[Detection], *, yaw_rate_radps: float = 0.0, known: bool = True) -> LeadVehicle:
     """The finder's answer after 20 frames with the same detections."""
     finder = LeadFinder(FixedDetector(detections), SETTINGS, CAMERA, VEHICLE)
     for n in range(20):
@@ -233,30 +233,30 @@ def found(detections: list[Detection], *, yaw_rate_radps: float = 0.0, known: bo
 
 
 def test_of_two_vehicles_in_our_lane_the_nearer_is_the_lead() -> None:
-    answer = found([Detection(25.0, 0.1, 1.8, 0.95), Detection(12.0, -0.2, 1.8, 0.9)])
+    answer = find_lead([Detection(25.0, 0.1, 1.8, 0.95), Detection(12.0, -0.2, 1.8, 0.9)])
     assert answer.distance_m == pytest.approx(12.0 - NOSE_M, abs=0.2)
     assert answer.lateral_m == pytest.approx(-0.2, abs=0.05)
 
 
 def test_a_vehicle_on_the_next_lane_is_not_the_lead() -> None:
-    assert found([Detection(15.0, 3.5, 1.8, 0.95)]).confidence == 0
+    assert find_lead([Detection(15.0, 3.5, 1.8, 0.95)]).confidence == 0
 
 
 def test_in_a_bend_the_vehicle_on_our_arc_is_the_lead() -> None:
     radius_m, ahead_m = 40.0, 15.0
     aside_m = ahead_m**2 / (2 * radius_m)
     on_arc, straight_on = Detection(ahead_m, aside_m, 1.8, 0.95), Detection(ahead_m, -1.0, 1.8, 0.95)
-    answer = found([on_arc, straight_on], yaw_rate_radps=5.0 / radius_m)
+    answer = find_lead([on_arc, straight_on], yaw_rate_radps=5.0 / radius_m)
     assert answer.lateral_m == pytest.approx(aside_m, abs=0.3)
 
 
 def test_without_a_detection_the_message_has_confidence_0_and_no_numbers() -> None:
-    answer = found([])
+    answer = find_lead([])
     assert (answer.confidence, answer.distance_m, answer.lateral_m, answer.speed_mps) == (0, None, None, None)
 
 
 def test_without_odometry_there_is_no_speed() -> None:
-    answer = found([Detection(15.0, 0.0, 1.8, 0.95)], known=False)
+    answer = find_lead([Detection(15.0, 0.0, 1.8, 0.95)], known=False)
     assert answer.distance_m is not None
     assert answer.speed_mps is None
 

@@ -154,7 +154,9 @@ def test_an_unknown_kind_is_refused_with_the_nearest_one() -> None:
         )
 
 
-def watched(walk: tuple[float, float], own_mps: float, *, known: bool = True, frames: int = 50) -> RoadUsers:
+def watch_walk(
+    walk: tuple[float, float], own_mps: float, *, known: bool = True, frames: int = 50
+) -> RoadUsers:
     """The people after noisy detections of one that walks at this velocity, 25 m ahead of a car at the start."""
     rng = np.random.default_rng(4)
     detector = FixedDetector([], ALL)
@@ -177,14 +179,14 @@ def watched(walk: tuple[float, float], own_mps: float, *, known: bool = True, fr
     ("walk", "own_mps"), [((0.0, 0.0), 6.0), ((0.0, 1.4), 4.0), ((-1.0, 0.0), 3.0), ((0.0, 2.0), 0.0)]
 )
 def test_a_track_has_the_velocity_over_ground(walk: tuple[float, float], own_mps: float) -> None:
-    seen = watched(walk, own_mps)
+    seen = watch_walk(walk, own_mps)
     assert (seen.kinds, seen.detects) == (("person",), ALL)
     assert (seen.x_mps[0], seen.y_mps[0]) == pytest.approx(walk, abs=0.6)
     assert seen.y_m[0] == pytest.approx(-3.0 + walk[1] * 49 * PERIOD_S, abs=0.3)
 
 
 def test_without_the_motion_of_the_car_a_person_has_a_place_and_no_velocity() -> None:
-    seen = watched((0.0, 0.0), 0.0, known=False)
+    seen = watch_walk((0.0, 0.0), 0.0, known=False)
     assert len(seen.x_m) == 1 and math.isnan(seen.x_mps[0]) and math.isnan(seen.y_mps[0])
 
 

@@ -37,7 +37,7 @@ def picture(at: Detection, true_m: float, *, half_m: float = 0.9) -> Image:
     return image
 
 
-def followed(
+def follow_pictures(
     true_m: Callable[[float], float],
     flat_m: Callable[[float], float],
     own_mps: float,
@@ -63,7 +63,7 @@ def test_a_vehicle_beyond_a_crest_is_no_faster_than_the_growth_of_its_picture_al
     own_mps: float, lead_mps: float
 ) -> None:
     seconds, flat_m, far_m = 1.2, 20.0, 45.0
-    pictures = followed(
+    pictures = follow_pictures(
         lambda t_s: far_m - (own_mps - lead_mps) * t_s, lambda t_s: flat_m, own_mps, seconds=seconds
     )
     span_s, settings = SETTINGS.picture.span_s, SETTINGS.picture
@@ -77,7 +77,7 @@ def test_a_vehicle_beyond_a_crest_is_no_faster_than_the_growth_of_its_picture_al
 
 
 def test_on_flat_ground_the_bound_is_not_below_the_speed_of_the_vehicle() -> None:
-    pictures = followed(lambda t_s: 25.0 - 4.0 * t_s, lambda t_s: 25.0 - 4.0 * t_s, 7.0)
+    pictures = follow_pictures(lambda t_s: 25.0 - 4.0 * t_s, lambda t_s: 25.0 - 4.0 * t_s, 7.0)
     slack_mps = SETTINGS.picture.sigmas * SETTINGS.picture.stretch_sigma / SETTINGS.picture.span_s * 25.0
     assert 3.0 <= pictures.most_mps <= 3.0 + 2.0 * slack_mps
 
@@ -85,14 +85,16 @@ def test_on_flat_ground_the_bound_is_not_below_the_speed_of_the_vehicle() -> Non
 @pytest.mark.parametrize("lead_mps", [8.0, 10.0])
 def test_a_leader_that_keeps_its_distance_or_drives_away_has_no_bound(lead_mps: float) -> None:
     away = (lead_mps - 8.0) * 1.0
-    assert followed(lambda t_s: 18.0 + away * t_s, lambda t_s: 18.0, 8.0).most_mps == math.inf
+    assert follow_pictures(lambda t_s: 18.0 + away * t_s, lambda t_s: 18.0, 8.0).most_mps == math.inf
 
 
 def test_mirrored_pictures_give_the_same_bound() -> None:
-    def bound_mps(side: float) -> float:
-        return followed(lambda t_s: 40.0 - 8.0 * t_s, lambda t_s: 22.0, 8.0, left_m=side * 0.4).most_mps
+    def lowest_speed_mps(side: float) -> float:
+        return follow_pictures(
+            lambda t_s: 40.0 - 8.0 * t_s, lambda t_s: 22.0, 8.0, left_m=side * 0.4
+        ).most_mps
 
-    assert bound_mps(1.0) == pytest.approx(bound_mps(-1.0), abs=0.3)
+    assert lowest_speed_mps(1.0) == pytest.approx(lowest_speed_mps(-1.0), abs=0.3)
 
 
 def test_a_vehicle_that_shows_its_side_gets_no_bound_by_the_growth_of_it() -> None:
@@ -109,11 +111,11 @@ def test_a_vehicle_that_shows_its_side_gets_no_bound_by_the_growth_of_it() -> No
 
 
 def test_without_the_own_speed_there_is_no_bound() -> None:
-    assert followed(lambda t_s: 45.0 - 8.0 * t_s, lambda t_s: 20.0, math.nan).most_mps == math.inf
+    assert follow_pictures(lambda t_s: 45.0 - 8.0 * t_s, lambda t_s: 20.0, math.nan).most_mps == math.inf
 
 
 def test_another_leader_starts_without_a_bound() -> None:
-    pictures = followed(lambda t_s: 45.0 - 10.0 * t_s, lambda t_s: 20.0, 10.0)
+    pictures = follow_pictures(lambda t_s: 45.0 - 10.0 * t_s, lambda t_s: 20.0, 10.0)
     assert pictures.most_mps < 10.0
     seen = Detection(21.2, 0.3, 1.8, 0.95)
     tracker = Tracker(SETTINGS.track, eye_m=CAMERA.x_m)

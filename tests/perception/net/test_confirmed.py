@@ -43,36 +43,36 @@ def lane(offset_m=0.0, confidence=0.9):
     )
 
 
-def drawn(offset_m=0.0, confidence=0.8):
+def draw_lane(offset_m=0.0, confidence=0.8):
     return with_boundaries(lane(offset_m, confidence), CAMERA, VEHICLE)
 
 
-def confirmed(network, witness):
+def confirm(network, witness):
     return ConfirmedNet(Says(network), Says(witness), VEHICLE).step(FRAME, None, now_s=0.0)
 
 
 def test_the_lane_that_the_witness_has_too_is_as_sure_as_both_are():
-    found = confirmed(lane(), drawn())
+    found = confirm(lane(), draw_lane())
     assert found.confidence == pytest.approx(0.9 * 0.8) and found.reason == ""
 
 
 @pytest.mark.parametrize("aside_m", [-1.2, 1.2])
 def test_a_lane_beside_that_of_the_witness_has_no_confidence_and_a_reason(aside_m):
-    found = confirmed(lane(aside_m), drawn())
+    found = confirm(lane(aside_m), draw_lane())
     assert found.confidence == 0.0 and found.reason == UNCONFIRMED
     assert found.lateral_offset_m == aside_m
 
 
 def test_without_a_lane_of_the_witness_the_network_has_no_confidence():
-    assert confirmed(lane(), NOTHING).confidence == 0.0
+    assert confirm(lane(), NOTHING).confidence == 0.0
 
 
 def test_where_the_network_has_no_lane_there_is_none():
-    assert confirmed(NOTHING, drawn()) == NOTHING
+    assert confirm(NOTHING, draw_lane()) == NOTHING
 
 
 def test_the_network_looks_through_the_camera_that_the_witness_has_measured():
-    network, witness = Says(lane()), Says(drawn())
+    network, witness = Says(lane()), Says(draw_lane())
     both = ConfirmedNet(network, witness, VEHICLE)
     both.step(FRAME, None, now_s=0.0)
     assert both._network is network
@@ -84,7 +84,7 @@ def test_the_network_looks_through_the_camera_that_the_witness_has_measured():
 
 def test_the_doubt_of_the_camera_is_part_of_that_of_the_lane():
     known = replace(lane(0.5), ahead_sigma_m=(0.1,) * 6)
-    found = confirmed(known, drawn(0.5))
+    found = confirm(known, draw_lane(0.5))
     assert found.ahead_sigma_m[0] == pytest.approx(math.hypot(0.1, 0.5 * 0.2))
 
 
@@ -96,19 +96,19 @@ def test_the_confidence_falls_with_the_distance_of_the_boundaries():
 
 def test_lanes_are_apart_by_the_share_of_the_width_of_the_other():
     """A quarter of a lane to the left; a lane of twice the width has each edge half a lane further out."""
-    aside = apart(drawn(-VEHICLE.lane_width_m / 4), drawn(), CAMERA.height_px)
+    aside = apart(draw_lane(-VEHICLE.lane_width_m / 4), draw_lane(), CAMERA.height_px)
     assert aside == pytest.approx(0.25, abs=0.02)
     wide = VEHICLE.model_copy(update={"lane_width_m": 2 * VEHICLE.lane_width_m})
-    assert apart(with_boundaries(lane(), CAMERA, wide), drawn(), CAMERA.height_px) == pytest.approx(
+    assert apart(with_boundaries(lane(), CAMERA, wide), draw_lane(), CAMERA.height_px) == pytest.approx(
         0.5, abs=0.02
     )
-    assert apart(NOTHING, drawn(), CAMERA.height_px) is None
+    assert apart(NOTHING, draw_lane(), CAMERA.height_px) is None
 
 
 def test_a_measured_width_counts_before_that_of_the_car():
     wide = with_boundaries(replace(lane(), lane_width_m=2 * VEHICLE.lane_width_m), CAMERA, VEHICLE)
     assert wide.lane_width_m == 2 * VEHICLE.lane_width_m
-    assert apart(wide, drawn(), CAMERA.height_px) == pytest.approx(0.5, abs=0.02)
+    assert apart(wide, draw_lane(), CAMERA.height_px) == pytest.approx(0.5, abs=0.02)
 
 
 def test_only_a_self_calibrated_camera_needs_a_witness():

@@ -18,7 +18,7 @@ from trepid.messages import Frame, SteeringEstimate
 LOOKAHEAD_M = SETTINGS.steering.lookahead_m
 
 
-def known(folder: Path, **changes: object) -> Segments:
+def segments_in(folder: Path, **changes: object) -> Segments:
     return Segments(segmenter(folder, **changes), LaneCv(SETTINGS, CAMERA, VEHICLE), lookahead_m=LOOKAHEAD_M)
 
 
@@ -30,7 +30,7 @@ def look(estimator: Segments, image: np.ndarray, frames: int = 1) -> SteeringEst
 
 @pytest.mark.parametrize("lane", [(0.0, 0.0, 0.0, 0.0), (0.4, -0.05, 0.0, 0.0), (-0.3, 0.0, 0.01, 0.0)])
 def test_the_lane_between_two_lines_is_measured(lane: tuple[float, ...], tmp_path: Path) -> None:
-    seen = look(known(tmp_path), road(lane))
+    seen = look(segments_in(tmp_path), road(lane))
     assert seen.estimator == "segments" and seen.lanes_detected == 2 and seen.confidence > 0.4
     assert seen.lateral_offset_m == pytest.approx(lane[0], abs=0.1)
     assert seen.heading_error_rad == pytest.approx(lane[1], abs=0.02)
@@ -39,7 +39,7 @@ def test_the_lane_between_two_lines_is_measured(lane: tuple[float, ...], tmp_pat
 
 
 def test_boundaries_lie_on_the_lines_in_the_pixels_of_the_image(tmp_path: Path) -> None:
-    seen = look(known(tmp_path), road((0.2, 0.02, 0.0, 0.0)))
+    seen = look(segments_in(tmp_path), road((0.2, 0.02, 0.0, 0.0)))
     truth = LaneCv(SETTINGS, CAMERA, VEHICLE).step(
         Frame(t_s=0.0, image=road((0.2, 0.02, 0.0, 0.0))), None, now_s=0.0
     )
@@ -55,30 +55,32 @@ def test_boundaries_lie_on_the_lines_in_the_pixels_of_the_image(tmp_path: Path) 
 
 def test_a_road_without_lines_is_measured_by_its_edges(tmp_path: Path) -> None:
     image = road((0.1, 0.0, 0.0, 0.0), width_m=3.2, left=None, right=None, verge_m=0.4)
-    seen = look(known(tmp_path), image, frames=8)
+    seen = look(segments_in(tmp_path), image, frames=8)
     assert seen.marked is False and seen.lateral_offset_m == pytest.approx(0.1, abs=0.2)
 
 
 def test_a_network_of_lines_alone_suffices(tmp_path: Path) -> None:
-    seen = look(known(tmp_path, area=None), road((0.2, 0.0, 0.0, 0.0)))
+    seen = look(segments_in(tmp_path, area=None), road((0.2, 0.0, 0.0, 0.0)))
     assert seen.lanes_detected == 2 and seen.lateral_offset_m == pytest.approx(0.2, abs=0.1)
 
 
 def test_the_mirrored_image_has_the_mirrored_lane(tmp_path: Path) -> None:
     image = road((0.3, 0.04, 0.005, 0.0))
-    seen, mirrored = look(known(tmp_path), image), look(known(tmp_path), image[:, ::-1])
+    seen, mirrored = look(segments_in(tmp_path), image), look(segments_in(tmp_path), image[:, ::-1])
     assert mirrored.lateral_offset_m == pytest.approx(-seen.lateral_offset_m, abs=0.05)
     assert mirrored.road_wheel_angle_rad == pytest.approx(-seen.road_wheel_angle_rad, abs=0.01)
 
 
 def test_an_image_without_a_road_gives_no_lane(tmp_path: Path) -> None:
-    seen = look(known(tmp_path), np.full((CAMERA.height_px, CAMERA.width_px, 3), (60, 120, 80), np.uint8))
+    seen = look(
+        segments_in(tmp_path), np.full((CAMERA.height_px, CAMERA.width_px, 3), (60, 120, 80), np.uint8)
+    )
     assert seen.lateral_offset_m is None and seen.confidence == 0.0 and seen.reason
 
 
 @pytest.mark.parametrize("image", [np.zeros((8, 8, 3), np.uint8), np.zeros((480, 640, 3), np.float32)])
 def test_an_unusable_image_gives_the_reason(image: np.ndarray, tmp_path: Path) -> None:
-    seen = look(known(tmp_path), image)
+    seen = look(segments_in(tmp_path), image)
     assert seen.estimator == "segments" and seen.lateral_offset_m is None and "image" in seen.reason
 
 

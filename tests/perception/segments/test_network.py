@@ -12,7 +12,7 @@ from trepid.config import InputError
 GREY, GREEN, WHITE = (105, 105, 105), (60, 120, 80), (225, 225, 225)
 
 
-def striped(rows: int, columns: int) -> np.ndarray:
+def striped_road(rows: int, columns: int) -> np.ndarray:
     """Grass, and from the middle of the height on a road with a white line in its middle."""
     image = np.full((rows, columns, 3), GREEN, np.uint8)
     image[rows // 2 :] = GREY
@@ -22,7 +22,7 @@ def striped(rows: int, columns: int) -> np.ndarray:
 
 @pytest.mark.parametrize("size", [(192, 320), (720, 1280), (480, 640), (375, 1242), (120, 160), (224, 224)])
 def test_masks_keep_the_proportions_of_an_image_of_any_size(size: tuple[int, int], tmp_path: Path) -> None:
-    masks = segmenter(tmp_path)(striped(*size))
+    masks = segmenter(tmp_path)(striped_road(*size))
     rows = round(size[0] * WIDTH / size[1])
     assert masks.lines.shape == masks.area.shape == (rows, WIDTH)
     painted = np.flatnonzero(masks.lines[-rows // 4] > 0.5)
@@ -36,7 +36,7 @@ def test_rows_above_the_reach_of_the_network_show_nothing(tmp_path: Path) -> Non
 
 
 def test_the_mirrored_image_has_the_mirrored_masks(tmp_path: Path) -> None:
-    network, image = segmenter(tmp_path), striped(360, 640)
+    network, image = segmenter(tmp_path), striped_road(360, 640)
     image[200:, :100] = GREEN
     seen, mirrored = network(image), network(image[:, ::-1])
     for mask, other in zip(seen, mirrored, strict=True):
@@ -60,7 +60,7 @@ def test_the_order_and_the_scale_of_colours_follow_the_description(tmp_path: Pat
 
 
 def test_a_mask_that_a_network_does_not_give_is_absent(tmp_path: Path) -> None:
-    assert segmenter(tmp_path, area=None)(striped(192, 320)).area is None
+    assert segmenter(tmp_path, area=None)(striped_road(192, 320)).area is None
 
 
 @pytest.mark.parametrize(

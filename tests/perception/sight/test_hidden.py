@@ -22,7 +22,7 @@ CLEAR = with_trees(misty(5000.0))
 WALL_M = 2.5  # from the middle of the lane
 
 
-def watched(
+def watch_frames(
     image: np.ndarray, lane: SteeringEstimate | None, *, assumed: bool = False, frames: int = 15
 ) -> Sight:
     """The sight after some frames that show the same."""
@@ -33,7 +33,7 @@ def watched(
     return sight
 
 
-def hidden_at_m(radius_m: float, wall_m: float) -> float:
+def way_to_hidden_m(radius_m: float, wall_m: float) -> float:
     """Way along an arc from the rear axle to the first place that a concentric wall on its inside hides."""
     eye = np.array([CAMERA.x_m, 0.0])
     centre = np.array([0.0, radius_m])
@@ -51,7 +51,7 @@ def hidden_at_m(radius_m: float, wall_m: float) -> float:
 
 @pytest.mark.parametrize("ahead_m", [12.0, 20.0, 30.0, 40.0, 50.0])
 def test_a_lorry_in_the_lane_ends_the_sight_at_its_base(ahead_m: float) -> None:
-    sight = watched(with_box(CLEAR, ahead_m), arc(0.0))
+    sight = watch_frames(with_box(CLEAR, ahead_m), arc(0.0))
     assert sight.cause == Cause.OCCLUDED
     assert sight.distance_m == pytest.approx(ahead_m, rel=0.15)
     assert abs(sight.distance_m - ahead_m) < 2 * sight.sigma_m
@@ -71,7 +71,7 @@ def test_the_blocks_of_a_compressed_image_are_no_sides_of_things(seed: int) -> N
         return UprightEdges(CAMERA, SETTINGS.hidden).find(np.repeat(image[:, :, None], 3, axis=2))
 
     assert len(find(in_blocks(CLEAR, 20.0, seed))) <= len(find(CLEAR))
-    sight = watched(in_blocks(with_box(CLEAR, 20.0), 6.0, seed), arc(0.0))
+    sight = watch_frames(in_blocks(with_box(CLEAR, 20.0), 6.0, seed), arc(0.0))
     assert sight.distance_m == pytest.approx(20.0, rel=0.15) and sight.cause == Cause.OCCLUDED
 
 
@@ -87,13 +87,13 @@ def test_the_wider_blocks_of_compressed_colours_are_no_sides_of_things(seed: int
 
 @pytest.mark.parametrize("left_m", [-4.5, 4.5])
 def test_a_lorry_in_another_lane_of_a_straight_road_takes_no_sight(left_m: float) -> None:
-    sight = watched(with_box(CLEAR, 25.0, left_m=left_m), arc(0.0))
+    sight = watch_frames(with_box(CLEAR, 25.0, left_m=left_m), arc(0.0))
     assert sight.distance_m == pytest.approx(SETTINGS.reach_m) and sight.cause == ""
 
 
 @pytest.mark.parametrize("tall_m", [0.1, 0.6, 1.2])
 def test_what_is_lower_than_the_lens_shows_the_road_behind_it(tall_m: float) -> None:
-    sight = watched(with_box(CLEAR, 25.0, tall_m=tall_m), arc(0.0))
+    sight = watch_frames(with_box(CLEAR, 25.0, tall_m=tall_m), arc(0.0))
     assert sight.cause == ""
 
 
@@ -108,14 +108,14 @@ def test_shadows_and_patches_on_the_ground_take_no_sight(grey: float) -> None:
         half_px = np.where(there, 1.3 * CAMERA.fx_px / np.maximum(x_m, 1.0), 0.0)[:, None]
         inside = np.abs(np.arange(CAMERA.width_px) - CAMERA.cx_px) < half_px
         image = np.where(inside, image * grey, image)
-        sight = watched(np.clip(image, 0, 255).astype(np.uint8), arc(0.0))
+        sight = watch_frames(np.clip(image, 0, 255).astype(np.uint8), arc(0.0))
         assert sight.cause == ""
 
 
 @pytest.mark.parametrize("radius_m", [40.0, 60.0, 90.0, -40.0, -60.0, -90.0])
 def test_a_wall_on_the_inside_of_a_bend_ends_the_sight_where_it_hides_the_lane(radius_m: float) -> None:
-    true_m = hidden_at_m(abs(radius_m), WALL_M)
-    sight = watched(bend(radius_m, wall_m=WALL_M), arc(1 / radius_m))
+    true_m = way_to_hidden_m(abs(radius_m), WALL_M)
+    sight = watch_frames(bend(radius_m, wall_m=WALL_M), arc(1 / radius_m))
     assert sight.cause == Cause.OCCLUDED
     assert sight.distance_m == pytest.approx(true_m, rel=0.25)
     assert abs(sight.distance_m - true_m) < 2 * sight.sigma_m
@@ -123,12 +123,12 @@ def test_a_wall_on_the_inside_of_a_bend_ends_the_sight_where_it_hides_the_lane(r
 
 @pytest.mark.parametrize("radius_m", [60.0, -90.0])
 def test_the_same_bend_without_a_wall_is_seen_farther(radius_m: float) -> None:
-    assert watched(bend(radius_m, wall_m=None), arc(1 / radius_m)).cause != Cause.OCCLUDED
+    assert watch_frames(bend(radius_m, wall_m=None), arc(1 / radius_m)).cause != Cause.OCCLUDED
 
 
 @pytest.mark.parametrize("radius_m", [60.0, -90.0])
 def test_a_wall_on_the_outside_of_a_bend_hides_nothing(radius_m: float) -> None:
-    assert watched(bend(radius_m, wall_m=-8.0), arc(1 / radius_m)).cause != Cause.OCCLUDED
+    assert watch_frames(bend(radius_m, wall_m=-8.0), arc(1 / radius_m)).cause != Cause.OCCLUDED
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -138,7 +138,7 @@ def test_a_tree_above_the_end_of_a_line_is_no_wall(side: int) -> None:
     image[row : row + 25, 214:217] = 230
     image[row - 16 : row + 1, 214:] = 30
     lane = arc(-side / 60.0)
-    assert watched(np.ascontiguousarray(image[:, ::side]), lane).cause == ""
+    assert watch_frames(np.ascontiguousarray(image[:, ::side]), lane).cause == ""
 
 
 @given(st.floats(10.0, 50.0), st.floats(-0.8, 0.8))
@@ -153,20 +153,20 @@ def test_the_mirror_image_has_the_same_end(ahead_m: float, left_m: float) -> Non
 
 def test_colour_shows_a_lorry_of_the_brightness_of_the_road() -> None:
     box = with_box(np.repeat(CLEAR[:, :, None], 3, axis=2), 25.0, colour=(150, 40, 130))
-    assert watched(box, arc(0.0)).cause == Cause.OCCLUDED
+    assert watch_frames(box, arc(0.0)).cause == Cause.OCCLUDED
 
 
 def test_without_a_sure_lane_or_a_known_horizon_nothing_is_hidden() -> None:
     image = with_box(CLEAR, 25.0)
-    assert watched(image, None).cause == ""
-    assert watched(image, arc(0.0, confidence=0.2)).cause == ""
-    assert watched(image, arc(0.0), assumed=True).cause == ""
+    assert watch_frames(image, None).cause == ""
+    assert watch_frames(image, arc(0.0, confidence=0.2)).cause == ""
+    assert watch_frames(image, arc(0.0), assumed=True).cause == ""
 
 
 @given(st.sampled_from([math.nan, math.inf, -math.inf, None, 0.0, 1e6, -1e6]))
 def test_no_broken_lane_breaks_the_search(value: float | None) -> None:
     for field in ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "curvature_rate_1pm2"):
-        sight = watched(with_box(CLEAR, 25.0), replace(arc(0.0), **{field: value}), frames=12)
+        sight = watch_frames(with_box(CLEAR, 25.0), replace(arc(0.0), **{field: value}), frames=12)
         assert math.isfinite(sight.distance_m) and sight.distance_m > 0.0
 
 
@@ -216,11 +216,11 @@ def test_the_road_between_two_parked_vehicles_hides_nothing(gap_m: float, ahead_
     image = (CLEAR + lighter[:, None]).clip(0, 255).astype(np.uint8)
     for side in (1, -1):
         image = with_box(image, ahead_m, left_m=side * (gap_m / 2 + 0.9), width_m=1.8, tall_m=2.2)
-    assert watched(image, arc(0.0)).cause != Cause.OCCLUDED
+    assert watch_frames(image, arc(0.0)).cause != Cause.OCCLUDED
 
 
 def test_a_lorry_beyond_a_gap_ends_the_sight() -> None:
     image = with_box(CLEAR, 40.0)
     for side in (1, -1):
         image = with_box(image, 24.0, left_m=side * 2.6, width_m=1.8, tall_m=2.2)
-    assert watched(image, arc(0.0)).cause == Cause.OCCLUDED
+    assert watch_frames(image, arc(0.0)).cause == Cause.OCCLUDED

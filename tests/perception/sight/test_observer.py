@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sight_rig import CAMERA, SETTINGS, arc, lit, misty, seen_in, with_trees
+from sight_rig import CAMERA, SETTINGS, arc, lit, misty, sight_in, with_trees
 
 from perception.sight.air import WATER_INDEX, reflectance_of_water
 from perception.sight.judge import ImageJudge
@@ -20,7 +20,7 @@ from trepid.scale import scaled_settings
 @pytest.mark.parametrize("range_m", [25.0, 50.0, 100.0, 150.0, 200.0])
 def test_air_of_known_extinction_gives_its_range_and_the_cause_fog(range_m: float) -> None:
     for seed in range(3):
-        sight = seen_in(misty(range_m, seed=seed))
+        sight = sight_in(misty(range_m, seed=seed))
         assert sight is not None and sight.cause == Cause.FOG
         assert sight.distance_m == pytest.approx(range_m + CAMERA.x_m, rel=0.15)
         assert 0.02 < sight.sigma_m / sight.distance_m < 0.4
@@ -28,14 +28,14 @@ def test_air_of_known_extinction_gives_its_range_and_the_cause_fog(range_m: floa
 
 @given(st.floats(20, 250), st.floats(1.3, 3.0), st.integers(0, 99))
 def test_thicker_air_never_gives_a_longer_sight(range_m: float, factor: float, seed: int) -> None:
-    thin, thick = seen_in(misty(range_m * factor, seed=seed)), seen_in(misty(range_m, seed=seed))
+    thin, thick = sight_in(misty(range_m * factor, seed=seed)), sight_in(misty(range_m, seed=seed))
     assert thin is not None and thick is not None
     assert thick.distance_m <= thin.distance_m
 
 
 def test_clear_air_before_trees_has_full_reach_and_no_cause() -> None:
     for seed in range(5):
-        sight = seen_in(with_trees(misty(5000.0, seed=seed), seed=seed))
+        sight = sight_in(with_trees(misty(5000.0, seed=seed), seed=seed))
         assert sight is not None
         assert sight.distance_m == pytest.approx(SETTINGS.reach_m) and sight.cause == ""
 
@@ -43,7 +43,7 @@ def test_clear_air_before_trees_has_full_reach_and_no_cause() -> None:
 @pytest.mark.parametrize("range_m", [25.0, 50.0, 100.0, 200.0])
 def test_in_fog_wet_ground_that_mirrors_the_sky_takes_hardly_any_sight(range_m: float) -> None:
     for wet in (0.1, 0.2, 0.3):
-        sight = seen_in(misty(range_m, wet=wet))
+        sight = sight_in(misty(range_m, wet=wet))
         assert sight is not None and sight.cause == Cause.FOG
         assert sight.distance_m == pytest.approx(range_m + CAMERA.x_m, rel=0.25)
 
@@ -60,7 +60,7 @@ def test_water_reflects_as_fresnel_says() -> None:
 @pytest.mark.parametrize("range_m", [25.0, 80.0, 2000.0])
 def test_the_mirror_image_has_the_same_sight(range_m: float) -> None:
     image = with_trees(misty(range_m)) if range_m > 1000 else misty(range_m)
-    plain, mirrored = seen_in(image), seen_in(np.ascontiguousarray(image[:, ::-1]))
+    plain, mirrored = sight_in(image), sight_in(np.ascontiguousarray(image[:, ::-1]))
     assert plain is not None and mirrored is not None
     assert plain.cause == mirrored.cause
     # The optical centre lies half a pixel beside the middle of the image.
@@ -69,29 +69,29 @@ def test_the_mirror_image_has_the_same_sight(range_m: float) -> None:
 
 def test_colour_changes_nothing() -> None:
     image = misty(60.0)
-    assert seen_in(np.repeat(image[:, :, None], 3, axis=2)) == seen_in(image)
+    assert sight_in(np.repeat(image[:, :, None], 3, axis=2)) == sight_in(image)
 
 
 def test_an_even_image_says_nothing() -> None:
     for grey in (40, 128, 200):
-        assert seen_in(np.full((240, 320), grey, np.uint8)) is None
+        assert sight_in(np.full((240, 320), grey, np.uint8)) is None
 
 
 def test_a_black_image_is_dark_right_before_the_car() -> None:
-    sight = seen_in(np.zeros((240, 320), np.uint8))
+    sight = sight_in(np.zeros((240, 320), np.uint8))
     assert sight is not None and sight.cause == Cause.DARK
     assert sight.distance_m == pytest.approx(SETTINGS.strip.near_m + CAMERA.x_m)
 
 
 def test_a_white_image_says_nothing() -> None:
     noise = np.random.default_rng(0).integers(250, 256, (240, 320)).astype(np.uint8)
-    assert seen_in(noise) is None
+    assert sight_in(noise) is None
 
 
 @pytest.mark.parametrize("noise_grey", [3.0, 6.0])
 def test_by_lamps_sight_ends_where_the_target_of_rose_is_lost(noise_grey: float) -> None:
     reach_m, dark = 20.0, SETTINGS.dark
-    sight = seen_in(lit(reach_m, noise_grey=noise_grey))
+    sight = sight_in(lit(reach_m, noise_grey=noise_grey))
     x_m = np.arange(6.0, 300.0, 0.05)
     away_m = x_m - CAMERA.x_m
     pixels = CAMERA.fx_px * CAMERA.fy_px * (dark.target_side_m / away_m) ** 2
@@ -103,7 +103,7 @@ def test_by_lamps_sight_ends_where_the_target_of_rose_is_lost(noise_grey: float)
 
 
 def test_more_noise_by_night_never_lengthens_the_sight() -> None:
-    sights = [seen_in(lit(25.0, noise_grey=noise)) for noise in (2.0, 4.0, 8.0, 16.0)]
+    sights = [sight_in(lit(25.0, noise_grey=noise)) for noise in (2.0, 4.0, 8.0, 16.0)]
     distances = [sight.distance_m for sight in sights if sight is not None]
     assert len(distances) == 4 and distances == sorted(distances, reverse=True)
 
@@ -111,7 +111,7 @@ def test_more_noise_by_night_never_lengthens_the_sight() -> None:
 @pytest.mark.parametrize("radius_m", [-18.0, -12.0, 12.0, 18.0])
 def test_a_tight_bend_is_seen_up_to_the_side_of_the_image(radius_m: float) -> None:
     image = with_trees(misty(5000.0))
-    sight = seen_in(image, lane=arc(1 / radius_m))
+    sight = sight_in(image, lane=arc(1 / radius_m))
     # From the lens, x_m ahead of the axle, the arc is seen under the angle of the side of the image.
     way_m = np.arange(5.0, 300.0, 0.1)
     turned = way_m / radius_m
@@ -120,7 +120,7 @@ def test_a_tight_bend_is_seen_up_to_the_side_of_the_image(radius_m: float) -> No
     expected_m = way_m[np.argmax(side > CAMERA.cx_px / CAMERA.fx_px)]
     assert sight is not None and sight.cause == ""
     assert sight.distance_m == pytest.approx(expected_m, abs=3.0)
-    doubtful = seen_in(image, lane=arc(1 / radius_m, confidence=0.2))
+    doubtful = sight_in(image, lane=arc(1 / radius_m, confidence=0.2))
     assert doubtful is not None and doubtful.distance_m == pytest.approx(SETTINGS.reach_m)
 
 
@@ -135,7 +135,7 @@ def test_a_lane_that_bends_out_of_the_image_for_some_frames_takes_no_sight(wrong
 
 @pytest.mark.parametrize("radius_m", [-60.0, 60.0])
 def test_a_bend_that_may_end_before_it_leaves_the_image_takes_no_sight(radius_m: float) -> None:
-    sight = seen_in(with_trees(misty(5000.0)), lane=arc(1 / radius_m))
+    sight = sight_in(with_trees(misty(5000.0)), lane=arc(1 / radius_m))
     assert sight is not None and sight.distance_m == pytest.approx(SETTINGS.reach_m)
 
 
@@ -148,19 +148,19 @@ def test_a_bend_that_may_end_before_it_leaves_the_image_takes_no_sight(radius_m:
 def test_no_lane_however_broken_takes_the_sight_or_makes_it_longer_than_the_air(value, field: str) -> None:
     if field == "confidence" and value is None:
         return
-    sight = seen_in(misty(50.0), lane=replace(arc(0.0), **{field: value}))
+    sight = sight_in(misty(50.0), lane=replace(arc(0.0), **{field: value}))
     assert sight is not None and math.isfinite(sight.distance_m) and math.isfinite(sight.sigma_m)
     assert 0.0 < sight.distance_m < 70.0
 
 
 def test_images_of_another_format_or_too_small_say_nothing() -> None:
     for shape in ((240, 200), (20, 320), (31, 31)):
-        assert seen_in(np.random.default_rng(0).integers(0, 255, shape).astype(np.uint8)) is None
-    assert seen_in(np.zeros((240, 320), np.float32)) is None
+        assert sight_in(np.random.default_rng(0).integers(0, 255, shape).astype(np.uint8)) is None
+    assert sight_in(np.zeros((240, 320), np.float32)) is None
 
 
 def test_a_camera_that_sees_no_ground_says_nothing() -> None:
-    assert seen_in(misty(50.0), camera=CAMERA.model_copy(update={"pitch_down_rad": -1.0})) is None
+    assert sight_in(misty(50.0), camera=CAMERA.model_copy(update={"pitch_down_rad": -1.0})) is None
 
 
 def test_fog_counts_at_once_and_its_end_slowly() -> None:
@@ -212,7 +212,7 @@ def test_a_small_car_sees_as_far_in_its_own_world(scale: float) -> None:
     judged = ImageJudge(SETTINGS, scaled_settings(CAMERA, scale), scale).step(
         Frame(t_s=0.0, image=image), None, None, now_s=0.0
     )
-    large = seen_in(image)
+    large = sight_in(image)
     assert large is not None
     assert judged.sight_m == pytest.approx(scale * large.distance_m)
     assert judged.sight_sigma_m == pytest.approx(scale * large.sigma_m)

@@ -11,7 +11,7 @@ from technique_rig import (
     bars,
     below_horizon,
     f1,
-    grown,
+    grow,
     paint,
     precision,
     recall,
@@ -71,8 +71,8 @@ def test_features_of_the_mirrored_picture_are_mirrored(name):
     image = cv2.GaussianBlur(road(LANE, left=YELLOW, verge_m=WIDE), (0, 0), 0.8)
     here = FEATURES[name](image, view).response > 0.5
     there = FEATURES[name](np.ascontiguousarray(image[:, ::-1]), view).response[:, ::-1] > 0.5
-    assert (here & grown(there)).sum() >= 0.95 * here.sum()
-    assert (there & grown(here)).sum() >= 0.95 * there.sum()
+    assert (here & grow(there)).sum() >= 0.95 * here.sum()
+    assert (there & grow(here)).sum() >= 0.95 * there.sum()
 
 
 @pytest.mark.parametrize(
@@ -198,8 +198,8 @@ def test_texture_separates_gravel_and_asphalt():
     rough[~truth] = 105 + RNG.normal(0, 30, (np.count_nonzero(~truth), 3))
     rough = np.clip(rough, 0, 255).astype(np.uint8)
     seen = surface.texture(rough, VIEW).response
-    inner = ~grown(~truth, 6) & ROAD[:, None]
-    outer = ~grown(truth, 6) & ROAD[:, None]
+    inner = ~grow(~truth, 6) & ROAD[:, None]
+    outer = ~grow(truth, 6) & ROAD[:, None]
     assert seen[inner].mean() > 0.8 and seen[outer].mean() < 0.2
     # Brightness alone cannot: half of the gravel is as bright as the road.
     assert surface.brightness(rough, VIEW).response[outer].mean() > 0.3

@@ -237,10 +237,10 @@ def test_a_pipeline_is_built_by_its_name_like_any_estimator():
 
 
 def test_the_default_estimators_do_not_read_the_file_of_the_pipelines(monkeypatch):
-    def broken():
+    def refuse_file():
         raise InputError("pipelines.yaml:1:1: not valid YAML")
 
-    monkeypatch.setattr("perception.techniques.recipe.recipes", broken)
+    monkeypatch.setattr("perception.techniques.recipe.recipes", refuse_file)
     assert build("cv") is not None
     with pytest.raises(InputError, match=r"pipelines\.yaml:1:1"):
         build("canny_hough")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from drive_rig import run
-from recorded_rig import recorded
+from recorded_rig import record_drive
 
 from cockpit.logbook.recall import recall
 from sim_harness.compare.drives import first_difference
@@ -29,7 +29,7 @@ def compare(capsys: pytest.CaptureFixture[str]) -> Any:
     return lambda *words: (run("compare", *map(str, words)), *capsys.readouterr())
 
 
-def stored(path: Path, *runs: dict[str, Any]) -> Path:
+def store_runs(path: Path, *runs: dict[str, Any]) -> Path:
     path.write_text("".join(json.dumps(run) + "\n" for run in runs))
     return path
 
@@ -37,8 +37,8 @@ def stored(path: Path, *runs: dict[str, Any]) -> Path:
 def test_changed_status_and_figures_of_runs_are_listed_without_the_speed_of_the_machine(
     tmp_path: Path, compare: Any
 ) -> None:
-    a = stored(tmp_path / "a.jsonl", RUN, RUN | {"seed": 1})
-    b = stored(
+    a = store_runs(tmp_path / "a.jsonl", RUN, RUN | {"seed": 1})
+    b = store_runs(
         tmp_path / "b.jsonl",
         RUN | {"status": "failed", "max_fear": 0.5},
         RUN | {"seed": 1, "realtime_factor": 9.0},
@@ -56,7 +56,7 @@ def test_changed_status_and_figures_of_runs_are_listed_without_the_speed_of_the_
 def test_a_file_without_runs_is_refused_in_one_line(tmp_path: Path, compare: Any, text: str) -> None:
     bad = tmp_path / "bad.jsonl"
     bad.write_text(text)
-    code, out, err = compare(stored(tmp_path / "a.jsonl", RUN), bad)
+    code, out, err = compare(store_runs(tmp_path / "a.jsonl", RUN), bad)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "bad.jsonl" in err
 
@@ -64,7 +64,7 @@ def test_a_file_without_runs_is_refused_in_one_line(tmp_path: Path, compare: Any
 def test_a_recording_is_not_compared_with_runs(tmp_path: Path, compare: Any) -> None:
     drive = tmp_path / "d.mcap"
     drive.write_bytes(b"\x89MCAP")
-    code, _, err = compare(drive, stored(tmp_path / "a.jsonl", RUN))
+    code, _, err = compare(drive, store_runs(tmp_path / "a.jsonl", RUN))
     assert code == 2
     assert "two of a kind" in err
 
@@ -73,7 +73,7 @@ def test_a_recording_is_not_compared_with_runs(tmp_path: Path, compare: Any) -> 
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
     scenario = load_scenario("straight", {"duration_s": "3"})
-    return recorded(path, scenario)
+    return record_drive(path, scenario)
 
 
 def test_a_recording_does_not_differ_from_itself_and_both_are_drawn(

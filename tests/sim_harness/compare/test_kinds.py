@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from drive_rig import run
-from recorded_rig import recorded
+from recorded_rig import record_drive
 
 import trepid
 from sim_harness.compare.page import unit_of
@@ -30,11 +30,11 @@ def compare(capsys: pytest.CaptureFixture[str]) -> Any:
 def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a recording and the trace of the same run."""
     folder = tmp_path_factory.mktemp("drives")
-    recorded(folder / "run.mcap", SCENARIO, trace=folder / "run.npz")
+    record_drive(folder / "run.mcap", SCENARIO, trace=folder / "run.npz")
     return folder
 
 
-def changed(trace: Trace, name: str, at: int, value: float) -> Trace:
+def change_trace(trace: Trace, name: str, at: int, value: float) -> Trace:
     column = trace[name].copy()
     column[at] = value
     return Trace({**trace.columns, name: column}, trace.words)
@@ -54,7 +54,7 @@ def test_the_first_sample_that_differs_is_named_with_both_values(
     drives: Path, tmp_path: Path, name: str, value: float
 ) -> None:
     trace = Trace.load(drives / "run.npz")
-    changed(changed(trace, name, 150, value), "x_m", 160, -1.0).save(tmp_path / "b.npz")
+    change_trace(change_trace(trace, name, 150, value), "x_m", 160, -1.0).save(tmp_path / "b.npz")
     found, _ = compare_traces(drives / "run.npz", tmp_path / "b.npz")
     word = trace.words["mode"][int(trace["mode"][150])]
     before = word if name == "mode" else trace[name][150]
@@ -84,7 +84,7 @@ def test_folders_are_compared_file_by_file_of_the_same_name(
     other = tmp_path / "other"
     other.mkdir()
     (other / "run.mcap").write_bytes((drives / "run.mcap").read_bytes())
-    changed(Trace.load(drives / "run.npz"), "speed_mps", 100, 9.0).save(other / "run.npz")
+    change_trace(Trace.load(drives / "run.npz"), "speed_mps", 100, 9.0).save(other / "run.npz")
     (other / "more.npz").write_bytes((drives / "run.npz").read_bytes())
     code, out, _ = compare(drives, other, "--json")
     found = json.loads(out)

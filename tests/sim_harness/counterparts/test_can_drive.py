@@ -62,7 +62,7 @@ def test_the_car_stops_while_wrong_counters_are_injected(can_car, bus):
     drive.reach(3.0)
     foreign = can_rig.SHUTTLE.sender(can_rig.SHUTTLE.settings.commands[0])
     third = can.Bus(interface="udp_multicast", channel=GROUP, **bus)
-    quantities, until_s = can_rig.commanded(can_rig.command(0.5, 1.5)), time.monotonic() + 8
+    quantities, until_s = can_rig.command_quantities(can_rig.command(0.5, 1.5)), time.monotonic() + 8
     while time.monotonic() < until_s:
         for _ in range(20):
             data = foreign.frame(quantities)
@@ -103,4 +103,4 @@ def test_a_map_that_does_not_fit_its_dbc_ends_the_start_with_one_line(can_car, o
     car = can_car()
     path = car.folder / "can" / "map.yaml"
     path.write_text(path.read_text().replace(old, new, 1))
-    assert message in car.start(10).refused()
+    assert message in car.start(10).read_refusal()

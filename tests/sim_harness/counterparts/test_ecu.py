@@ -20,7 +20,7 @@ class Sending:
     def step(self, command, *, only=(0, 1), speed_mps=5.0, spoil=lambda data: data):
         """10 ms with the messages ``only``; the first is spoilt."""
         for k in only:
-            sender, data = self.senders[k], self.senders[k].frame(can_rig.commanded(command))
+            sender, data = self.senders[k], self.senders[k].frame(can_rig.command_quantities(command))
             self.ecu.take(sender.address, False, data if k else spoil(data), now_s=self.now_s)
         acting = self.ecu.command(speed_mps, WHEEL_RAD, now_s=self.now_s)
         self.now_s += 0.01
@@ -59,7 +59,7 @@ def test_silence_of_any_command_message_brakes(sending, heard):
 
 @pytest.mark.parametrize("what", ["checksum", "counter"])
 def test_wrong_checksums_and_counters_are_refused_and_lead_to_the_safe_state(sending, what):
-    first = MAP.senders()[0].frame(can_rig.commanded(can_rig.command()))
+    first = MAP.senders()[0].frame(can_rig.command_quantities(can_rig.command()))
     spoils = {"checksum": lambda data: data[:-1] + bytes([data[-1] ^ 1]), "counter": lambda _: first}
     sending.steps(5, can_rig.command(0.1, 1.0))
     acting = sending.steps(20, can_rig.command(0.3, 1.5), spoil=spoils[what])

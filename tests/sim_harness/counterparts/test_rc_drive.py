@@ -26,7 +26,7 @@ THROTTLE = {
 COMMON = {"wait_s": 30.0, "yaw_rate": "modelled", "steering": STEERING, "throttle": THROTTLE}
 
 
-def driven(tmp_path, kind: str, *, further: str = "", **changed: object) -> WireDrive:
+def rc_drive(tmp_path, kind: str, *, further: str = "", **changed: object) -> WireDrive:
     """The shuttle of the default settings as an RC car on the wire ``kind``."""
     wire = {
         "pca9685": {"bus": f"unix:{tmp_path / 'i2c'}", "speed": "modelled", "speed_lag_s": 0.3},
@@ -59,7 +59,7 @@ def running():
     ],
 )
 def test_the_main_job_drives_through_the_wire(tmp_path, running, kind, changed) -> None:
-    running.append(driven(tmp_path, kind, **changed))
+    running.append(rc_drive(tmp_path, kind, **changed))
     returncode, row, _ = running[0].start(20).ended()
     assert (returncode, row["status"], row["reasons"]) == (0, "passed", [])
     assert row["departures"] == row["interventions"] == 0
@@ -69,7 +69,7 @@ def test_the_main_job_drives_through_the_wire(tmp_path, running, kind, changed) 
 
 @pytest.mark.parametrize("kind", ["pca9685", "serial"])
 def test_the_car_stops_when_the_actuator_process_is_killed(tmp_path, running, kind) -> None:
-    running.append(driven(tmp_path, kind))
+    running.append(rc_drive(tmp_path, kind))
     drive = running[0].start(40)
     drive.reach(3.0)
     pid = drive.pid("vehicle")
@@ -86,7 +86,7 @@ def test_a_released_dead_mans_switch_stops_the_car(tmp_path, running) -> None:
     pad = tmp_path / "js0"
     os.mkfifo(pad)
     end = os.open(pad, os.O_RDWR)
-    drive = driven(tmp_path, "serial", further=DRIVER)
+    drive = rc_drive(tmp_path, "serial", further=DRIVER)
     running.append(drive)
     (drive.folder / "driver.yaml").write_text(f"required: true\ndevice: {pad}\n")
     drive.start(40)

@@ -41,7 +41,7 @@ class Loop:
             if applied.command is not None:
                 self.bus.actuator.write(applied.command, now_s=now_s)
             self.state = applied.state
-        for frame in self.bus.sent():
+        for frame in self.bus.drain_frames():
             self.ecu.take(frame.arbitration_id, frame.is_extended_id, bytes(frame.data), now_s=now_s)
         acting = self.ecu.command(self.speed_mps, self.wheel_rad, now_s=now_s)
         if acting is None:
@@ -62,7 +62,7 @@ class Loop:
     def inject(self, sender):
         """A frame of a third party that steers to the left at full drive."""
         third = can.Bus(interface="virtual", channel=self.bus.channel)
-        data = sender.frame(can_rig.commanded(can_rig.command(0.5, 1.5)))
+        data = sender.frame(can_rig.command_quantities(can_rig.command(0.5, 1.5)))
         third.send(can.Message(arbitration_id=sender.address, data=data, is_extended_id=False))
         third.shutdown()
 
@@ -108,7 +108,7 @@ def test_the_car_stops_while_a_third_party_sends_wrong_counters(loop, foreign):
     loop.steps(400)
     for _ in range(300):
         for _ in range(20):
-            foreign.frame(can_rig.commanded(can_rig.command()))  # its counter races
+            foreign.frame(can_rig.command_quantities(can_rig.command()))  # its counter races
         loop.inject(foreign)
         truth = loop.step()
     assert loop.ecu.refused_frames()["refused STEERING_LTA counter"] > 50

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from recorded_rig import recorded
+from recorded_rig import record_drive
 
 from perception.camera.odometry import StateOdometry
 from sim_harness.footage.estimate_cli import estimate
@@ -107,7 +107,7 @@ def test_a_black_image_is_feared_more_than_the_road(folder, tmp_path, capsys):
 def test_a_recording_brings_its_own_speed_and_driver(tmp_path, capsys):
     scenario = load_scenario("straight", {"duration_s": "3"})
     path = tmp_path / "drive.mcap"
-    recorded(path, scenario, seed=1)
+    record_drive(path, scenario, seed=1)
     rows = look(capsys, path, speed=None)
     assert len(rows) > 10
     assert rows[-1]["mode"] == "KEEP"

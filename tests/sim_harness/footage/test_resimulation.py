@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from recorded_rig import recorded
+from recorded_rig import record_drive
 from typer.testing import CliRunner
 
 from cockpit.footage.sources import sources
@@ -239,11 +239,11 @@ def test_at_standstill_the_frames_of_that_time_are_shown(monkeypatch):
     speeds = np.where(whole.t_s < 3.0, SPEED_MPS, 0.0)
     view = Reprojection.view
 
-    def noted(self, image, shift):
+    def note_view(self, image, shift):
         shown.append(next(n for n, frame in enumerate(whole.frames) if frame is image))
         return view(self, image, shift)
 
-    monkeypatch.setattr(Reprojection, "view", noted)
+    monkeypatch.setattr(Reprojection, "view", note_view)
     resimulate(ClipFrames(whole.name, whole.frames, whole.t_s, speeds, CAMERA), VEHICLE, start=PoseChange())
     assert shown == list(range(150))
 
@@ -341,7 +341,7 @@ def test_on_a_real_highway_the_supervised_car_takes_over_at_once_and_fear_stays_
 def test_a_recording_brings_speed_camera_and_images(tmp_path):
     scenario = load_scenario("straight", {"duration_s": "4"})
     path = tmp_path / "drive.mcap"
-    recorded(path, scenario, seed=1)
+    record_drive(path, scenario, seed=1)
     drive = load_drive(path, CAMERA)
     truth = read_recording(path, SIM_TRUTH.key).of(SIM_TRUTH)
     at_s = [at_s - truth[0][0] for at_s, _ in truth]

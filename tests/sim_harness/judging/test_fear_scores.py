@@ -43,12 +43,12 @@ def during(*spans, value=1.0, otherwise=0.0):
     return np.where(inside, value, otherwise)
 
 
-def counted(*times_s):
+def count_before(*times_s):
     return sum((at - 1e-6 < T_S).astype(float) for at in times_s)
 
 
 def test_the_lead_time_is_how_long_fear_had_lasted_when_the_vehicle_left_its_lane():
-    left = dict(departures=counted(10.0), interventions=counted(10.0))
+    left = dict(departures=count_before(10.0), interventions=count_before(10.0))
     assert fear_lead_time_s(trace(**left, decision__fear=during((7.5, 10.0), value=0.6))) == pytest.approx(
         2.5
     )
@@ -59,28 +59,28 @@ def test_the_lead_time_is_how_long_fear_had_lasted_when_the_vehicle_left_its_lan
 
 
 def test_of_several_departures_the_worst_warned_counts_and_fear_of_the_last_one_is_no_warning():
-    twice = dict(departures=counted(10.0, 11.0), interventions=counted(10.0, 11.0))
+    twice = dict(departures=count_before(10.0, 11.0), interventions=count_before(10.0, 11.0))
     assert fear_lead_time_s(trace(**twice, decision__fear=during((5.0, 11.0), value=0.9))) == pytest.approx(
         1.0
     )
 
 
 def test_samples_within_three_seconds_of_a_departure_are_followed_by_it():
-    fear, followed = fear_and_departure(trace(departures=counted(10.0)))
+    fear, followed = fear_and_departure(trace(departures=count_before(10.0)))
     assert followed.sum() == 30  # 7.0 s up to 9.9 s
     assert len(fear) == 170  # up to the last 3 s, after which all may happen
-    fear, followed = fear_and_departure(trace(departures=counted(19.0)))
+    fear, followed = fear_and_departure(trace(departures=count_before(19.0)))
     assert (len(fear), followed.sum()) == (190, 30)  # but earlier events are known
 
 
 def test_fear_of_a_vehicle_that_stands_is_neither_right_nor_wrong():
     stands = np.where(T_S < 14.95, 10.0, 0.0)
-    fear, followed = fear_and_departure(trace(departures=counted(10.0), speed_mps=stands))
+    fear, followed = fear_and_departure(trace(departures=count_before(10.0), speed_mps=stands))
     assert (len(fear), followed.sum()) == (150, 30)
 
 
 def test_fear_only_before_departures_has_auroc_1_and_constant_fear_one_half():
-    left = dict(departures=counted(10.0))
+    left = dict(departures=count_before(10.0))
     assert fear_auroc(trace(**left, decision__fear=during((7.0, 10.0), value=0.8))) == 1.0
     assert fear_auroc(trace(**left)) == 0.5
     assert fear_auroc(trace(**left, decision__fear=during((7.0, 10.0), value=0.1, otherwise=0.8))) == 0.0
@@ -113,9 +113,9 @@ def test_a_slow_down_without_a_reason_is_a_nuisance():
 @pytest.mark.parametrize(
     "reason",
     [
-        {"departures": counted(11.8)},
-        {"interventions": counted(5.1)},
-        {"collisions": counted(8.5)},
+        {"departures": count_before(11.8)},
+        {"interventions": count_before(5.1)},
+        {"collisions": count_before(8.5)},
         {"fault__frozen_camera": during((2.0, 6.0))},
         {"disturbance__glare": during((11.0, 13.0), value=3.0)},
         {"lead_gap_m": during((8.0, 8.1), value=15.0, otherwise=50.0)},
@@ -129,7 +129,7 @@ def test_a_slow_down_with_a_reason_within_three_seconds_is_no_nuisance(reason):
 @pytest.mark.parametrize(
     "far",
     [
-        {"departures": counted(12.5)},
+        {"departures": count_before(12.5)},
         {"fault__frozen_camera": during((2.0, 4.5))},
         {"lead_gap_m": 30.0},
         {USER_GAP: 30.0},
@@ -140,14 +140,14 @@ def test_an_event_long_before_or_after_does_not_justify_a_slow_down(far):
 
 
 def test_slow_downs_under_a_second_apart_count_as_one_and_mild_or_standing_ones_not_at_all():
-    def slowed(*spans, fear=0.6, factor=0.7, **more):
+    def slowdowns_per_km(*spans, fear=0.6, factor=0.7, **more):
         factors = during(*spans, value=factor, otherwise=1)
         return nuisance_slowdowns_per_km(
             trace(decision__fear=during(*spans, value=fear), decision__speed_factor=factors, **more)
         )
 
-    assert slowed((8.0, 9.0), (9.5, 10.0)) == pytest.approx(1 / 0.199)
-    assert slowed((8.0, 9.0), (11.0, 12.0)) == pytest.approx(2 / 0.199)
-    assert slowed((8.0, 9.0), factor=0.95) == 0.0
-    assert slowed((8.0, 9.0), fear=0.3) == 0.0
-    assert slowed((0.0, 1.0), speed_mps=during((0.5, 20.0), value=5.0)) == 0.0
+    assert slowdowns_per_km((8.0, 9.0), (9.5, 10.0)) == pytest.approx(1 / 0.199)
+    assert slowdowns_per_km((8.0, 9.0), (11.0, 12.0)) == pytest.approx(2 / 0.199)
+    assert slowdowns_per_km((8.0, 9.0), factor=0.95) == 0.0
+    assert slowdowns_per_km((8.0, 9.0), fear=0.3) == 0.0
+    assert slowdowns_per_km((0.0, 1.0), speed_mps=during((0.5, 20.0), value=5.0)) == 0.0

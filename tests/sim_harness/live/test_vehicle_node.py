@@ -38,11 +38,11 @@ def test_a_stop_before_the_first_command_holds_the_car() -> None:
             fastest_mps = max(fastest_mps, (newest and newest.speed_mps) or 0.0)
             return fastest_mps > 1.0
 
-        def held() -> bool:
+        def is_held() -> bool:
             request(StopRequest(t_s=clock(), stop=True))
             return any(beat.message == STOPPED for beat, _ in beats.drain())
 
-        assert until(held, patience_s=30)
+        assert until(is_held, patience_s=30)
         assert not until(lambda: drives(None), patience_s=2)
         assert fastest_mps == 0.0
         assert until(lambda: drives(False), patience_s=30)

@@ -21,7 +21,7 @@ places = st.builds(
 )
 
 
-def rotated(box):
+def rotated_box(box):
     """The same box as OpenCV has it: middle, size, degrees."""
     size = (box.front_m - box.rear_m, box.width_m)
     return box.at((box.rear_m + box.front_m) / 2), size, math.degrees(box.yaw_rad)
@@ -31,7 +31,7 @@ def rotated(box):
 @settings(max_examples=200, deadline=None)
 def test_boxes_touch_where_their_rectangles_intersect(a, b):
     gap_m = separation_m(a, b)
-    kind, _ = cv2.rotatedRectangleIntersection(rotated(a), rotated(b))
+    kind, _ = cv2.rotatedRectangleIntersection(rotated_box(a), rotated_box(b))
     if abs(gap_m) > 1e-3:
         assert (gap_m < 0) == (kind != cv2.INTERSECT_NONE)
     assert gap_m == pytest.approx(separation_m(b, a))

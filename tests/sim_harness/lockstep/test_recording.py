@@ -35,7 +35,7 @@ def lying(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def seen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def rendered_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of a second with rendered pictures."""
     path = tmp_path_factory.mktemp("seen") / "drive.mcap"
     with recording(path, SEEN) as witness:
@@ -195,19 +195,19 @@ def test_other_rules_are_distinguished_from_those_of_the_drive(lying: Path, tmp_
     assert "the drive used other rules" in story_text(answer)
 
 
-def test_every_camera_image_is_recorded_as_jpeg(seen: Path) -> None:
-    read = read_recording(seen, "camera/*", DECISION.key, "perception/*")
+def test_every_camera_image_is_recorded_as_jpeg(rendered_recording: Path) -> None:
+    read = read_recording(rendered_recording, "camera/*", DECISION.key, "perception/*")
     images = [frame.t_s for _, frame in read.messages["camera/image/compressed"]]
     estimated = [one.t_s for _, one in read.messages["perception/cv/estimate"]]
     assert images[: len(estimated)] == estimated and len(images) <= len(estimated) + 1
-    drive = recall(seen)
+    drive = recall(rendered_recording)
     frame = drive.frame_at(len(drive.decisions) - 1)
     assert frame is not None
     assert set(drive.estimates_of(frame)) == {"cv", "cnn"}
 
 
-def test_the_moment_is_drawn_from_the_recorded_picture(seen: Path) -> None:
-    drive = recall(seen)
+def test_the_moment_is_drawn_from_the_recorded_picture(rendered_recording: Path) -> None:
+    drive = recall(rendered_recording)
     told_of = {
         **dict(moment_s=0.8, mode="CAUTION", fear=0.5, level="medium", cause="dark", part=""),
         **dict(rules=[], slow_down=dict(cap_before_mps=8.0, cap_lowest_mps=4.0)),

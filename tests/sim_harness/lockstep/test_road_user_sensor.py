@@ -36,13 +36,13 @@ def car_in(scenario):
     return SimulatedVehicle(scenario, scenario.build_road(), vehicle, None, load_simulator(), seed=0)
 
 
-def sensed(*users, kind=UserSensor.TRUTH, **fields):
+def sense(*users, kind=UserSensor.TRUTH, **fields):
     return build_road_user_sensor(kind, seed=0).step(car_in(scenario_of(*users, **fields)))
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, 0.2, -0.2])
 def test_a_road_user_is_measured_where_it_stands_in_the_axes_of_the_car(heading_rad):
-    seen = sensed(
+    seen = sense(
         {"station_m": 30.0, "offset_m": 2.0, "speed_mps": 1.5, "facing_rad": 1.0},
         {"station_m": 45.0, "offset_m": -3.0, "shape": "cyclist", "speed_mps": 4.0},
         {"station_m": 25.0, "offset_m": -1.0, "shape": "deer"},
@@ -60,13 +60,13 @@ def test_what_is_behind_the_rear_axle_or_out_of_range_is_not_seen_but_the_sensor
     range_m = load_simulator().road_user_range_m
     far, near = {"station_m": 100.0 + range_m + 0.1}, {"station_m": 100.0 + range_m - 0.1}
     behind = {"station_m": 99.0, "offset_m": -2.0}
-    seen = sensed(far, behind, start={"station_m": 100.0})
+    seen = sense(far, behind, start={"station_m": 100.0})
     assert (seen.kinds, seen.detects) == ((), ("person", "cyclist", "animal"))
-    assert sensed(near, start={"station_m": 100.0}).kinds == ("person",)
+    assert sense(near, start={"station_m": 100.0}).kinds == ("person",)
 
 
 def test_without_road_users_the_sensor_does_not_run():
-    assert sensed() is None
+    assert sense() is None
 
 
 @pytest.mark.parametrize("cause", ["fog", "dark"])
@@ -129,9 +129,9 @@ def test_over_a_car_lower_than_the_eye_the_upper_body_is_seen():
 def test_a_child_behind_a_parked_car_is_seen_once_it_has_stepped_out():
     parked = [{"gap_m": 15.0, "offset_m": -2.8}, {"gap_m": 21.0, "offset_m": -2.8}]
     child = {"gap_m": 20.0, "shape": "child"}
-    assert sensed({**child, "offset_m": -2.8}, traffic=parked).kinds == ()
-    assert sensed({**child, "offset_m": -2.8}).kinds == ("person",)
-    assert sensed({**child, "offset_m": -1.0}, traffic=parked).kinds == ("person",)
+    assert sense({**child, "offset_m": -2.8}, traffic=parked).kinds == ()
+    assert sense({**child, "offset_m": -2.8}).kinds == ("person",)
+    assert sense({**child, "offset_m": -1.0}, traffic=parked).kinds == ("person",)
 
 
 def exact_model(**changes):

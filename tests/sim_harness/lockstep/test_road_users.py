@@ -34,7 +34,7 @@ def cross(**fields):
     return {"kind": "cross", "after_s": 0.0, "speed_mps": 1.4, **fields}
 
 
-def walked(one, seconds, *, gap_m=1e3):
+def walk_on(one, seconds, *, gap_m=1e3):
     """The walker after ``seconds``, and when it was last under way."""
     last_s = 0.0
     for k in range(round(seconds / TICK_S)):
@@ -58,7 +58,7 @@ def test_crossing_a_width_takes_its_path_over_the_speed_plus_half_the_time_to_re
     if path_m < speed**2 / (2 * rate):
         return
     phase = cross(to_offset_m=to_m, speed_mps=speed, rate_mps2=rate, lean_rad=lean)
-    one, last_s = walked(walker(station_m=50.0, offset_m=from_m, phases=[phase]), 25)
+    one, last_s = walk_on(walker(station_m=50.0, offset_m=from_m, phases=[phase]), 25)
     assert last_s == pytest.approx(path_m / speed + speed / (2 * rate), abs=2 * TICK_S)
     assert (one.offset_m, one.speed_mps) == (to_m, 0.0)
     assert one.station_m - 50.0 == pytest.approx(path_m * math.sin(lean), abs=2 * TICK_S * speed)
@@ -75,7 +75,7 @@ def test_a_road_user_is_at_its_place_at_t_0_and_was_before_where_its_speed_takes
 
 
 def test_a_road_user_along_the_road_moves_v_t_and_keeps_its_offset():
-    one, _ = walked(walker(CIRCUIT, station_m=0.0, offset_m=-1.0, speed_mps=4.0), 5)
+    one, _ = walk_on(walker(CIRCUIT, station_m=0.0, offset_m=-1.0, speed_mps=4.0), 5)
     assert one.offset_m == -1.0
     inner = walker(CIRCUIT, station_m=0.0, offset_m=-1.0, speed_mps=4.0)
     length_m = sum(
@@ -102,7 +102,7 @@ def test_the_mirror_image_of_a_crossing_is_the_crossing_of_the_mirror_image():
 
 def test_phases_begin_at_their_time_their_gap_and_the_end_of_the_phase_before():
     timed = walker(station_m=0.0, offset_m=-3.0, phases=[cross(after_s=None, at_s=2.0)])
-    assert walked(timed, 2.0)[0].manoeuvre is None
+    assert walk_on(timed, 2.0)[0].manoeuvre is None
     timed.step(2.0, TICK_S, 1e3)
     assert timed.manoeuvre == "cross"
     near = walker(station_m=0.0, offset_m=-3.0, phases=[cross(after_s=None, at_gap_m=20.0)])
@@ -111,7 +111,7 @@ def test_phases_begin_at_their_time_their_gap_and_the_end_of_the_phase_before():
     near.step(TICK_S, TICK_S, 20.0)
     assert near.manoeuvre == "cross"
     stops = [cross(to_offset_m=-2.0, rate_mps2=100.0, speed_mps=1.0), cross(after_s=3.0, to_offset_m=-3.0)]
-    halted, last_s = walked(walker(station_m=0.0, offset_m=-3.0, phases=stops), 3.9)
+    halted, last_s = walk_on(walker(station_m=0.0, offset_m=-3.0, phases=stops), 3.9)
     assert (halted.offset_m, halted.manoeuvre) == (-2.0, None)
     assert last_s == pytest.approx(1.0, abs=2 * TICK_S)
     halted.step(4.02, TICK_S, 1e3)
@@ -123,7 +123,7 @@ def test_a_cyclist_turns_into_the_lane_rides_on_and_changes_pace():
         cross(to_offset_m=0.0, speed_mps=4.0, lean_rad=1.2, rate_mps2=100.0, then_mps=4.0),
         {"kind": "change_pace", "after_s": 1.0, "to_mps": 2.0},
     ]
-    one, _ = walked(walker(station_m=0.0, offset_m=-2.0, speed_mps=4.0, shape="cyclist", phases=phases), 6)
+    one, _ = walk_on(walker(station_m=0.0, offset_m=-2.0, speed_mps=4.0, shape="cyclist", phases=phases), 6)
     assert (one.offset_m, one.speed_mps) == (0.0, 2.0)
     assert one.pose[2] == STRAIGHT.heading_at(one.station_m)
 

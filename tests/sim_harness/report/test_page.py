@@ -16,7 +16,7 @@ from sim_harness.report.summary import code_differences, kept_samples, summarise
 from sim_harness.scenarios.scenario import load_scenario
 
 
-def decoded(code):
+def decode(code):
     """As the page does it."""
     last, values = 0, []
     for difference in code["d"]:
@@ -32,13 +32,13 @@ def scenario():
 
 
 @pytest.fixture(scope="module")
-def filmed(scenario):
+def filmed_run(scenario):
     return run_filmed(scenario, seed=5)
 
 
 @pytest.fixture(scope="module")
-def detail(scenario, filmed):
-    return summarise(scenario, *filmed)
+def detail(scenario, filmed_run):
+    return summarise(scenario, *filmed_run)
 
 
 def toy(**columns):
@@ -50,13 +50,13 @@ def toy(**columns):
     )
 
 
-def test_filming_changes_nothing(scenario, filmed):
-    assert run(scenario, seed=5).trace.sha256 == filmed[0].trace.sha256
+def test_filming_changes_nothing(scenario, filmed_run):
+    assert run(scenario, seed=5).trace.sha256 == filmed_run[0].trace.sha256
 
 
 def test_numbers_survive_their_coding_to_half_a_step():
     values = np.array([np.nan, 3.14159, -2.0, np.nan, np.nan, 5e-4, np.inf])
-    assert decoded(code_differences(values, 0.01)) == pytest.approx(
+    assert decode(code_differences(values, 0.01)) == pytest.approx(
         [np.nan, 3.14159, -2, np.nan, np.nan, 0, np.nan], abs=0.005, nan_ok=True
     )
 
@@ -80,22 +80,22 @@ def test_the_worst_moment_is_the_departure_else_fear_else_error():
     assert worst_sample(toy(decision__fear=0.1 * fear, lateral_offset_m=error))[0] == 2
 
 
-def test_a_summary_is_small_and_describes_the_run(filmed, detail):
-    trace = filmed[0].trace
+def test_a_summary_is_small_and_describes_the_run(filmed_run, detail):
+    trace = filmed_run[0].trace
     assert len(json.dumps({**detail, "picture": None, "frames": None})) < 30_000
-    series = {name: decoded(code) for name, code in detail["series"].items()}
+    series = {name: decode(code) for name, code in detail["series"].items()}
     assert len({len(values) for values in series.values()}) == 1
     assert series["t"][-1] == pytest.approx(3.0, abs=0.01)
     assert series["x"][-1] == pytest.approx(trace["x_m"][-1], abs=0.03)
     assert series["fear"].max() == pytest.approx(np.nanmax(trace["decision.fear"]), abs=1e-3)
     assert detail["bands"]["section"] == [[0.0, trace.words["section"][0]]]
-    left = np.column_stack([decoded(code) for code in detail["edges"][:2]])
-    right = np.column_stack([decoded(code) for code in detail["edges"][2:]])
+    left = np.column_stack([decode(code) for code in detail["edges"][:2]])
+    right = np.column_stack([decode(code) for code in detail["edges"][2:]])
     assert np.linalg.norm(left - right, axis=1) == pytest.approx(trace["lane_width_m"][0], abs=0.08)
 
 
-def test_the_picture_is_the_frame_of_that_moment(filmed, detail):
-    result, film = filmed
+def test_the_picture_is_the_frame_of_that_moment(filmed_run, detail):
+    result, film = filmed_run
     at_s = result.trace["t_s"][worst_sample(result.trace)[0]]
     assert at_s - 0.2 <= detail["picture"]["t"] <= at_s
     assert detail["picture"]["uri"].startswith("data:image/jpeg;base64,")
@@ -103,9 +103,9 @@ def test_the_picture_is_the_frame_of_that_moment(filmed, detail):
 
 
 @pytest.fixture(scope="module")
-def page_file(scenario, filmed, detail, tmp_path_factory):
+def page_file(scenario, filmed_run, detail, tmp_path_factory):
     """Forty runs of which every third failed, one with a name that tries to break out of the page."""
-    page, row = Page("Forty runs & <some> %RUNS%"), filmed[0].row()
+    page, row = Page("Forty runs & <some> %RUNS%"), filmed_run[0].row()
     for seed in range(40):
         failed = seed % 3 == 0
         scores = dict.fromkeys(row) if seed == 9 else row  # one crashed: it has no scores
@@ -223,7 +223,7 @@ def test_a_click_on_a_run_opens_its_path_timelines_picture_reasons_and_command(b
 
 
 def test_the_cursor_reads_the_run_at_its_time(browser, detail):
-    series = {name: decoded(code) for name, code in detail["series"].items()}
+    series = {name: decode(code) for name, code in detail["series"].items()}
     browser.execute_script(
         """const lines = document.querySelector('#sheet-3 svg.lines'), box = lines.getBoundingClientRect();
            lines.dispatchEvent(new PointerEvent('pointermove', {clientX: box.right - 8, clientY: box.top + 20}));"""
@@ -253,7 +253,7 @@ def overtaken():
 def test_the_other_vehicles_and_the_rules_are_those_of_their_time(overtaken):
     result, film, detail = overtaken
     trace, found = result.trace, detail["glimpses"]
-    times, (x_m, y_m) = decoded(found["t"]), [decoded(code) for code in found["others"][0][:2]]
+    times, (x_m, y_m) = decode(found["t"]), [decode(code) for code in found["others"][0][:2]]
     assert len(found["others"]) == 1 and len(times) == len(x_m) == len(found["fired"]) > 25
     for t_s, x, y in zip(times, x_m, y_m, strict=True):
         at = int(np.argmin(np.abs(trace["t_s"] - trace["t_s"][0] - t_s)))

@@ -251,7 +251,7 @@ def places(node, way=()):
         yield from places(value, (*way, key))
 
 
-def mutated(data, change, place, value):
+def mutate(data, change, place, value):
     """``data`` with one value deleted, replaced, doubled, renamed or moved."""
     ways = list(places(data))
     way = ways[int(place * len(ways))]
@@ -305,7 +305,7 @@ def starts(scenario):
 def test_a_scenario_with_changed_values_is_refused_in_one_line_or_starts(tmp_path, text, changes):
     data = YAML(typ="safe").load(text)
     for change in changes:
-        mutated(data, *change)
+        mutate(data, *change)
     buffer = io.StringIO()
     YAML(typ="safe").dump(data, buffer)
     path = tmp_path / "mutated.yaml"

@@ -17,7 +17,7 @@ def state(k):
     )
 
 
-def reported(form, quantity="speed", **others):
+def report_states(form, quantity="speed", **others):
     """Speeds, wheel angles and yaw rates from 0 to 0.9 s under a fault from 0.35 to 0.75 s."""
     fault = WrongMeasurement(
         kind="wrong_measurement", quantity=quantity, form=form, from_s=0.35, to_s=0.75, **others
@@ -37,13 +37,13 @@ def reported(form, quantity="speed", **others):
     ],
 )
 def test_each_form_changes_the_value_in_its_time_and_not_outside(form, others, expected):
-    speeds = [one.speed_mps for one in reported(form, **others)]
+    speeds = [one.speed_mps for one in report_states(form, **others)]
     assert speeds[4:8] == pytest.approx(expected)
     assert speeds[:4] + speeds[8:] == [5.0, 6.0, 7.0, 8.0, 13.0, 14.0]
 
 
 def test_an_absent_quantity_is_named():
-    states = reported("absent", "yaw_rate")
+    states = report_states("absent", "yaw_rate")
     assert [one.yaw_rate_radps is None for one in states] == [False] * 4 + [True] * 4 + [False] * 2
     assert states[5].doubted == ("yaw_rate_radps",)
 
@@ -54,4 +54,4 @@ def test_an_absent_quantity_is_named():
 )
 def test_a_form_without_what_it_needs_is_refused(form, others):
     with pytest.raises(ValidationError):
-        reported(form, **others)
+        report_states(form, **others)

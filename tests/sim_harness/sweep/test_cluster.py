@@ -33,18 +33,18 @@ class Dask:
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
         hash_of_files.cache_clear()  # the workers read the code as it is now
-        scheduler = self.started("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+        scheduler = self.start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
         self.scheduler = scheduler
         self.address = awaited_line(scheduler, r"Scheduler at:\s+(tcp://\S+)")
         self.workers = [self.worker(), self.worker()]
 
     def worker(self) -> subprocess.Popen[str]:
         options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--memory-limit", "0")
-        worker = self.started("worker", self.address, *options)
+        worker = self.start("worker", self.address, *options)
         awaited_line(worker, r"(Registered to)")
         return worker
 
-    def started(self, *arguments: str) -> subprocess.Popen[str]:
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
         process = subprocess.Popen(
             [sys.executable, "-m", "dask", *arguments], cwd=ROOT, stderr=subprocess.PIPE, text=True
         )

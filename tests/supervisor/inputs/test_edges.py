@@ -15,7 +15,9 @@ def estimate_of(confidence: float | None, *, marked: bool | None) -> ValidatedEs
     return ValidatedEstimate("cv", 0.0, 0.0, False, confidence, None, 8.0, None, True, marked=marked)
 
 
-def driven(edges: Edges, estimates: list[ValidatedEstimate], *, way_m: float, from_s: float = 0.0) -> EdgeWay:
+def drive_edges(
+    edges: Edges, estimates: list[ValidatedEstimate], *, way_m: float, from_s: float = 0.0
+) -> EdgeWay:
     frames = round(way_m / (SPEED_MPS * DT_S))
     edges.step(estimates, Motion(0.0, 0.0), now_s=from_s)
     return [
@@ -24,7 +26,7 @@ def driven(edges: Edges, estimates: list[ValidatedEstimate], *, way_m: float, fr
 
 
 def doubt(edges: Edges, estimates: list[ValidatedEstimate], *, way_m: float, from_s: float = 0.0) -> float:
-    return driven(edges, estimates, way_m=way_m, from_s=from_s).doubt
+    return drive_edges(edges, estimates, way_m=way_m, from_s=from_s).doubt
 
 
 @pytest.mark.parametrize("confidence", [0.2, 0.6, 0.95])
@@ -58,21 +60,21 @@ def test_edges_of_unknown_confidence_have_full_doubt() -> None:
 
 def test_the_way_without_lines_counts_from_the_last_line() -> None:
     edges = Edges()
-    assert driven(edges, [estimate_of(0.9, marked=True)], way_m=5.0).unmarked_m == 0.0
-    assert driven(edges, [estimate_of(0.9, marked=False)], way_m=7.0, from_s=10.0).unmarked_m == (
+    assert drive_edges(edges, [estimate_of(0.9, marked=True)], way_m=5.0).unmarked_m == 0.0
+    assert drive_edges(edges, [estimate_of(0.9, marked=False)], way_m=7.0, from_s=10.0).unmarked_m == (
         pytest.approx(7.0)
     )
 
 
 @pytest.mark.parametrize("marked", [False, None])
 def test_a_road_on_which_no_line_has_been_seen_is_unmarked_from_its_start(marked: bool | None) -> None:
-    assert driven(Edges(), [estimate_of(0.9, marked=marked)], way_m=1.0).unmarked_m == LONG_UNMARKED_M
+    assert drive_edges(Edges(), [estimate_of(0.9, marked=marked)], way_m=1.0).unmarked_m == LONG_UNMARKED_M
 
 
 def test_the_way_without_lines_does_not_grow_at_standstill_and_is_bounded() -> None:
     edges, unmarked = Edges(), [estimate_of(0.9, marked=False)]
-    driven(edges, [estimate_of(0.9, marked=True)], way_m=1.0)
-    before = driven(edges, unmarked, way_m=4.0, from_s=10.0)
+    drive_edges(edges, [estimate_of(0.9, marked=True)], way_m=1.0)
+    before = drive_edges(edges, unmarked, way_m=4.0, from_s=10.0)
     standing = [edges.step(unmarked, Motion(0.0, 0.0), now_s=100.0 + n).unmarked_m for n in range(9)]
     assert set(standing) == {before.unmarked_m}
-    assert driven(edges, unmarked, way_m=100.0, from_s=200.0).unmarked_m == LONG_UNMARKED_M
+    assert drive_edges(edges, unmarked, way_m=100.0, from_s=200.0).unmarked_m == LONG_UNMARKED_M

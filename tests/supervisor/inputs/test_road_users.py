@@ -25,13 +25,13 @@ WALKER = RoadUsers(
 )
 
 
-def judged(message: RoadUsers | None, motion: Motion | None = None, *, age_s: float = 0.0) -> WatchedUsers:
+def judge(message: RoadUsers | None, motion: Motion | None = None, *, age_s: float = 0.0) -> WatchedUsers:
     return judge_road_users(message, motion, now_s=age_s, settings=LIMITS)
 
 
 def test_without_a_detector_nobody_is_known_and_nothing_is_detected() -> None:
-    assert judged(None) == NO_DETECTOR
-    assert judged(None).detects == ()
+    assert judge(None) == NO_DETECTOR
+    assert judge(None).detects == ()
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_without_a_detector_nobody_is_known_and_nothing_is_detected() -> None:
     ],
 )
 def test_a_broken_or_stale_message_is_not_a_free_road(broken: dict[str, object]) -> None:
-    assert judged(replace(WALKER, **broken)).users is None  # type: ignore[arg-type]
+    assert judge(replace(WALKER, **broken)).users is None  # type: ignore[arg-type]
 
 
 def test_a_message_that_cannot_be_decoded_is_broken() -> None:
@@ -60,13 +60,13 @@ def test_a_message_that_cannot_be_decoded_is_broken() -> None:
 
 
 def test_an_unknown_velocity_is_valid_and_stays_unknown() -> None:
-    users = judged(replace(WALKER, x_mps=(math.nan,), y_mps=(math.nan,)), age_s=0.1).users
+    users = judge(replace(WALKER, x_mps=(math.nan,), y_mps=(math.nan,)), age_s=0.1).users
     assert users is not None and (users[0].x_mps, users[0].y_mps) == (None, None)
     assert (users[0].x_m, users[0].y_m) == (20.0, -3.0)
 
 
 def test_over_the_age_of_the_message_the_person_walks_and_the_car_drives() -> None:
-    users = judged(WALKER, Motion(8.0, 0.0), age_s=0.1).users
+    users = judge(WALKER, Motion(8.0, 0.0), age_s=0.1).users
     assert users is not None
     assert (users[0].x_m, users[0].y_m) == pytest.approx((20.0 - 0.8, -3.0 + 0.15))
 
@@ -82,7 +82,7 @@ def test_a_turn_of_the_car_keeps_the_distance_of_a_standing_person(
 ) -> None:
     """A rotation about the rear axle keeps the distance, and the person turns the other way."""
     standing = replace(WALKER, x_m=(x_m,), y_m=(y_m,), y_mps=(0.0,))
-    users = judged(standing, Motion(0.0, yaw_rate_radps), age_s=age_s).users
+    users = judge(standing, Motion(0.0, yaw_rate_radps), age_s=age_s).users
     assert users is not None
     assert math.hypot(users[0].x_m, users[0].y_m) == pytest.approx(math.hypot(x_m, y_m))
     turned_rad = math.atan2(users[0].y_m, users[0].x_m) - math.atan2(y_m, x_m)

@@ -20,7 +20,7 @@ speeds = st.floats(1.0, 35.0)
 deviations = st.lists(st.floats(0.0, 20.0), min_size=6, max_size=6).map(tuple)
 
 
-def fused(
+def fuse(
     bend_1pm: float,
     speed_mps: float,
     *,
@@ -51,7 +51,7 @@ def fused(
 
 
 def test_at_speed_the_noise_of_a_vague_curvature_is_no_second_road() -> None:
-    found = fused(0.003, 25.0, of_cv=SURE_M, of_cnn=VAGUE_M)
+    found = fuse(0.003, 25.0, of_cv=SURE_M, of_cnn=VAGUE_M)
     assert found.disagreement_mps2 == pytest.approx(0.003 * 25.0**2)
     assert found.weighted_disagreement_mps2 == 0.0
 
@@ -60,7 +60,7 @@ def test_at_speed_the_noise_of_a_vague_curvature_is_no_second_road() -> None:
 def test_a_bend_of_small_deviation_on_a_straight_road_is_a_second_road_at_every_speed(
     speed_mps: float,
 ) -> None:
-    found = fused(3.0 / speed_mps**2, speed_mps, of_cv=SURE_M, of_cnn=SURE_M)
+    found = fuse(3.0 / speed_mps**2, speed_mps, of_cv=SURE_M, of_cnn=SURE_M)
     assert found.weighted_disagreement_mps2 > 2.0
 
 
@@ -70,7 +70,7 @@ def test_a_larger_deviation_never_raises_and_a_larger_difference_never_lowers_th
 ) -> None:
     def disagreement(bend_1pm: float, factor: float) -> float:
         vaguer = tuple(factor * sigma for sigma in of_cnn)
-        found = fused(bend_1pm, speed_mps, of_cv=of_cv, of_cnn=vaguer)
+        found = fuse(bend_1pm, speed_mps, of_cv=of_cv, of_cnn=vaguer)
         return found.weighted_disagreement_mps2
 
     now = disagreement(bend_1pm, 1.0)
@@ -82,8 +82,8 @@ def test_a_larger_deviation_never_raises_and_a_larger_difference_never_lowers_th
 def test_without_a_stated_deviation_the_difference_counts_in_full(
     bend_1pm: float, speed_mps: float, sigma_m: tuple[float, ...]
 ) -> None:
-    silent = fused(bend_1pm, speed_mps, of_cv=(), of_cnn=())
-    stated = fused(bend_1pm, speed_mps, of_cv=(), of_cnn=sigma_m)
+    silent = fuse(bend_1pm, speed_mps, of_cv=(), of_cnn=())
+    stated = fuse(bend_1pm, speed_mps, of_cv=(), of_cnn=sigma_m)
     assert silent.weighted_disagreement_mps2 == pytest.approx(silent.disagreement_mps2)
     assert stated.weighted_disagreement_mps2 <= silent.weighted_disagreement_mps2
 
@@ -93,7 +93,7 @@ def test_a_difference_of_the_offsets_counts_beyond_an_unusual_deviation(
     aside_m: float, of_cv: tuple[float, ...], of_cnn: tuple[float, ...]
 ) -> None:
     """The view of less confidence has a share of 1 here: both state the same confidence."""
-    found = fused(0.0, 8.0, of_cv=of_cv, of_cnn=of_cnn, aside_m=aside_m)
+    found = fuse(0.0, 8.0, of_cv=of_cv, of_cnn=of_cnn, aside_m=aside_m)
     explained_m = max(0.0, 2.0 * math.hypot(of_cv[0], of_cnn[0]) - 0.2)
     assert found.weighted_separation_m == pytest.approx(max(0.0, abs(aside_m) - explained_m))
 
@@ -101,8 +101,8 @@ def test_a_difference_of_the_offsets_counts_beyond_an_unusual_deviation(
 def test_a_lane_held_by_one_line_and_one_measured_by_both_are_one_road_on_a_wide_lane() -> None:
     """4.5 m wide: with an assumed width of 3.5 ± 0.35 m the centre is 0.5 m off, and its deviation says so."""
     by_one_line, measured = (0.175, *SURE_M[1:]), (0.17, *SURE_M[1:])
-    assert fused(0.0, 6.0, of_cv=by_one_line, of_cnn=measured, aside_m=0.45).weighted_separation_m < 0.2
-    assert fused(0.0, 6.0, of_cv=SURE_M, of_cnn=SURE_M, aside_m=0.45).weighted_separation_m == 0.45
+    assert fuse(0.0, 6.0, of_cv=by_one_line, of_cnn=measured, aside_m=0.45).weighted_separation_m < 0.2
+    assert fuse(0.0, 6.0, of_cv=SURE_M, of_cnn=SURE_M, aside_m=0.45).weighted_separation_m == 0.45
 
 
 @given(deviations, st.floats(0.0, 60.0))

@@ -22,7 +22,7 @@ STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
 TENTHS = st.integers(0, 120).map(lambda n: n / 10)
 
 
-def judged(message: LeadVehicle | None, *, speed_mps: float = 8.0, now_s: float = 0.0) -> Lead:
+def judge(message: LeadVehicle | None, *, speed_mps: float = 8.0, now_s: float = 0.0) -> Lead:
     return judge_lead(message, Motion(speed_mps, 0.0), now_s=now_s, settings=SETTINGS.validation)
 
 
@@ -39,11 +39,11 @@ def lead(
 
 
 def test_without_a_detector_there_is_no_vehicle_ahead_and_no_harm() -> None:
-    assert (judged(None).confidence, judged(None).distance_m) == (0, None)
+    assert (judge(None).confidence, judge(None).distance_m) == (0, None)
 
 
 def test_no_vehicle_ahead_is_no_broken_message() -> None:
-    assert judged(lead(None, None, None, confidence=0.0)).confidence == 0
+    assert judge(lead(None, None, None, confidence=0.0)).confidence == 0
 
 
 @pytest.mark.parametrize(
@@ -60,34 +60,34 @@ def test_no_vehicle_ahead_is_no_broken_message() -> None:
     ],
 )
 def test_a_broken_or_stale_lead_is_unknown(message: LeadVehicle) -> None:
-    assert judged(message).confidence is None
-    assert judged(message).distance_m is None
+    assert judge(message).confidence is None
+    assert judge(message).distance_m is None
 
 
 def test_the_distance_shrinks_while_the_message_ages() -> None:
-    assert judged(lead(20.0, speed_mps=3.0), now_s=0.2).distance_m == pytest.approx(20.0 - 5.0 * 0.2)
+    assert judge(lead(20.0, speed_mps=3.0), now_s=0.2).distance_m == pytest.approx(20.0 - 5.0 * 0.2)
 
 
 def test_a_lead_of_unknown_speed_is_taken_to_stand() -> None:
-    assert judged(lead(speed_mps=None)).speed_mps == 0
-    assert judged(lead(speed_mps=-3.0)).speed_mps == 0
+    assert judge(lead(speed_mps=None)).speed_mps == 0
+    assert judge(lead(speed_mps=-3.0)).speed_mps == 0
 
 
 def test_the_speed_cap_keeps_the_time_gap_and_brakes_for_a_standing_vehicle() -> None:
     follower, own = Follower(SETTINGS.follow, VEHICLE), SETTINGS.follow
-    steady = follower.speed_cap_mps(judged(lead(11.0, speed_mps=8.0)))
+    steady = follower.speed_cap_mps(judge(lead(11.0, speed_mps=8.0)))
     assert steady == pytest.approx((11.0 - own.standstill_gap_m) / own.time_gap_s)
-    standing = follower.speed_cap_mps(judged(lead(21.0, speed_mps=0.0)))
+    standing = follower.speed_cap_mps(judge(lead(21.0, speed_mps=0.0)))
     assert standing == pytest.approx(math.sqrt(2 * own.decel_mps2 * (21.0 - own.standstill_gap_m)))
-    assert follower.speed_cap_mps(judged(lead(2.0))) == 0
-    assert follower.speed_cap_mps(judged(None)) == math.inf
+    assert follower.speed_cap_mps(judge(lead(2.0))) == 0
+    assert follower.speed_cap_mps(judge(None)) == math.inf
 
 
 def test_the_last_decimetres_behind_a_vehicle_are_not_crept() -> None:
     follower, own = Follower(SETTINGS.follow, VEHICLE), SETTINGS.follow
     end_m = own.standstill_gap_m + own.standstill_slack_m
-    assert follower.speed_cap_mps(judged(lead(end_m - 0.01, speed_mps=0.0), speed_mps=0.0)) == 0
-    before_mps = follower.speed_cap_mps(judged(lead(end_m + 0.01, speed_mps=0.0), speed_mps=0.0))
+    assert follower.speed_cap_mps(judge(lead(end_m - 0.01, speed_mps=0.0), speed_mps=0.0)) == 0
+    before_mps = follower.speed_cap_mps(judge(lead(end_m + 0.01, speed_mps=0.0), speed_mps=0.0))
     assert before_mps == pytest.approx((own.standstill_slack_m + 0.01) / own.time_gap_s)
 
 
@@ -96,7 +96,7 @@ def test_the_last_decimetres_behind_a_vehicle_are_not_crept() -> None:
 def test_a_nearer_lead_never_allows_more_speed(one_m: float, other_m: float, speed_mps: float) -> None:
     follower = Follower(SETTINGS.follow, VEHICLE)
     near, far = sorted((one_m, other_m))
-    caps = [follower.speed_cap_mps(judged(lead(d, speed_mps=speed_mps), speed_mps=0.0)) for d in (near, far)]
+    caps = [follower.speed_cap_mps(judge(lead(d, speed_mps=speed_mps), speed_mps=0.0)) for d in (near, far)]
     assert caps[0] <= caps[1]
 
 
@@ -138,7 +138,7 @@ def follower_on_a_straight(speed_mps: float = 5.0, gap_m: float = 12.0) -> Follo
 )
 def test_a_lead_that_is_uncertain_far_or_aside_is_not_followed(message: LeadVehicle) -> None:
     follower = Follower(SETTINGS.follow, VEHICLE)
-    assert not follower.step(judged(message), None, Motion(8.0, 0.0), now_s=0.0).usable
+    assert not follower.step(judge(message), None, Motion(8.0, 0.0), now_s=0.0).usable
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -233,12 +233,12 @@ def test_a_leader_that_stops_is_stopped_behind_on_its_trail() -> None:
 
 def test_a_leader_that_is_missed_for_a_moment_still_is_there() -> None:
     follower = follower_on_a_straight()
-    answer = follower.step(judged(None), None, Motion(5.0, 0.0), now_s=100 * STEP_S)
+    answer = follower.step(judge(None), None, Motion(5.0, 0.0), now_s=100 * STEP_S)
     assert answer.usable
-    assert follower.speed_cap_mps(judged(None)) < math.inf
+    assert follower.speed_cap_mps(judge(None)) < math.inf
     late = 100 * STEP_S + SETTINGS.follow.hold_s + 0.1
-    assert not follower.step(judged(None), None, Motion(5.0, 0.0), now_s=late).usable
-    assert follower.speed_cap_mps(judged(None)) == math.inf
+    assert not follower.step(judge(None), None, Motion(5.0, 0.0), now_s=late).usable
+    assert follower.speed_cap_mps(judge(None)) == math.inf
 
 
 def test_following_ends_after_its_longest_time() -> None:
@@ -276,7 +276,7 @@ def test_near_means_that_two_gently_braking_vehicles_would_stop_within_the_minim
 
 def test_no_vehicle_or_an_uncertain_one_is_not_near() -> None:
     follower, fast = Follower(SETTINGS.follow, VEHICLE), Motion(8.0, 0.0)
-    assert not follower.is_near(judged(None), fast)
+    assert not follower.is_near(judge(None), fast)
     assert not follower.is_near(Lead(confidence=0.4, distance_m=2.0), fast)
     assert not follower.is_near(Lead(confidence=0.9, distance_m=2.0), None)
     assert follower.is_near(Lead(confidence=0.9, distance_m=2.0), fast)

@@ -46,7 +46,7 @@ def lane_of(fused: FusionResult) -> Lane:
     return fused.path.lane
 
 
-def mirrored(lane: Lane) -> Lane:
+def mirror(lane: Lane) -> Lane:
     return Lane(-lane.offset_m, -lane.heading_rad, -lane.curvature_1pm, -lane.curvature_rate_1pm2)
 
 
@@ -269,9 +269,9 @@ def test_the_mirror_image_of_the_estimates_gives_the_mirror_image_of_the_path(
 ) -> None:
     here = fuse(estimate_of(one), estimate_of(other, "cnn", t_s=0.04), motion=Motion(8.0, yaw))
     there = fuse(
-        estimate_of(mirrored(one)), estimate_of(mirrored(other), "cnn", t_s=0.04), motion=Motion(8.0, -yaw)
+        estimate_of(mirror(one)), estimate_of(mirror(other), "cnn", t_s=0.04), motion=Motion(8.0, -yaw)
     )
-    assert lane_of(there) == mirrored(lane_of(here))
+    assert lane_of(there) == mirror(lane_of(here))
     assert there.sources == here.sources
     assert there.disagreement_mps2 == here.disagreement_mps2
     assert math.isfinite(lane_of(here).offset_m)

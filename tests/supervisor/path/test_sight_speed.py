@@ -45,7 +45,7 @@ def sight_speed() -> SightSpeed:
     return SightSpeed(SIGHT, front_m=FRONT_M, drive_lag_s=VEHICLE.accel_lag_s)
 
 
-def seen(sight_m: float | None, cause: str = "fog", sigma_m: float | None = 0.0) -> ImageStatistics:
+def statistics_of(sight_m: float | None, cause: str = "fog", sigma_m: float | None = 0.0) -> ImageStatistics:
     return replace(STATISTICS, sight_m=sight_m, sight_sigma_m=sigma_m, sight_cause=cause)
 
 
@@ -80,11 +80,11 @@ def test_a_speed_that_is_no_number_needs_every_way():
 
 @given(sight_m=ANYTHING, sigma_m=ANYTHING, cause=st.sampled_from(["fog", "dark", "crest"]))
 def test_every_stated_sight_allows_at_most_what_the_same_sight_without_doubt_allows(sight_m, sigma_m, cause):
-    sight = sight_speed().step(seen(sight_m, cause, sigma_m), Motion(5.0, 0.0), age_s=0.0, now_s=0.0)
+    sight = sight_speed().step(statistics_of(sight_m, cause, sigma_m), Motion(5.0, 0.0), age_s=0.0, now_s=0.0)
     if sight.sight_m is None:  # never stated: the car says so
         assert sight.cause == "sight_unknown"
     else:
-        sure = sight_speed().step(seen(sight_m, cause, 0.0), Motion(5.0, 0.0), age_s=0.0, now_s=0.0)
+        sure = sight_speed().step(statistics_of(sight_m, cause, 0.0), Motion(5.0, 0.0), age_s=0.0, now_s=0.0)
         assert 0.0 <= sight.cap_mps <= sure.cap_mps
 
 
@@ -96,7 +96,11 @@ def test_every_stated_sight_allows_at_most_what_the_same_sight_without_doubt_all
 )
 def test_a_longer_and_a_surer_sight_allow_more_speed(sight_m, share, more, factor):
     def free_m(metres: float, sigma_m: float) -> float:
-        return sight_speed().step(seen(metres, "fog", sigma_m), Motion(5.0, 0.0), age_s=0.0, now_s=0.0).free_m
+        return (
+            sight_speed()
+            .step(statistics_of(metres, "fog", sigma_m), Motion(5.0, 0.0), age_s=0.0, now_s=0.0)
+            .free_m
+        )
 
     assert free_m(factor * sight_m, share * sight_m) > free_m(sight_m, share * sight_m)
     assert free_m(sight_m, (share + more) * sight_m) < free_m(sight_m, share * sight_m)
@@ -104,7 +108,11 @@ def test_a_longer_and_a_surer_sight_allow_more_speed(sight_m, share, more, facto
 
 def test_a_small_deviation_counts_twice_and_a_large_one_leaves_a_share_of_the_sight():
     def end_m(sigma_m: float) -> float:
-        return sight_speed().step(seen(100.0, "fog", sigma_m), Motion(5.0, 0.0), age_s=0.0, now_s=0.0).sight_m
+        return (
+            sight_speed()
+            .step(statistics_of(100.0, "fog", sigma_m), Motion(5.0, 0.0), age_s=0.0, now_s=0.0)
+            .sight_m
+        )
 
     assert end_m(1.0) == pytest.approx(100.0 - 2.0, abs=0.03)
     assert end_m(50.0) == pytest.approx(100.0 / math.e)
@@ -113,15 +121,15 @@ def test_a_small_deviation_counts_twice_and_a_large_one_leaves_a_share_of_the_si
 @pytest.mark.parametrize("sight_m, sigma_m", [(math.nan, 0.0), (-1.0, 0.0), (30.0, None), (30.0, math.nan)])
 def test_an_impossible_sight_after_a_stated_one_never_raises_the_cap(sight_m, sigma_m):
     speed = sight_speed()
-    before = speed.step(seen(30.0), Motion(6.0, 0.0), age_s=0.0, now_s=0.0)
-    after = speed.step(seen(sight_m, "fog", sigma_m), Motion(6.0, 0.0), age_s=0.0, now_s=FRAME_S)
+    before = speed.step(statistics_of(30.0), Motion(6.0, 0.0), age_s=0.0, now_s=0.0)
+    after = speed.step(statistics_of(sight_m, "fog", sigma_m), Motion(6.0, 0.0), age_s=0.0, now_s=FRAME_S)
     assert after.sight_m == pytest.approx(30.0 - 6.0 * FRAME_S)
     assert after.cap_mps < before.cap_mps
 
 
 def test_a_sight_that_is_no_longer_stated_shrinks_by_the_way_driven_and_then_is_that_of_the_lanes():
     speed, motion = sight_speed(), Motion(6.0, 0.0)
-    speed.step(seen(60.0), motion, age_s=0.0, now_s=0.0)
+    speed.step(statistics_of(60.0), motion, age_s=0.0, now_s=0.0)
     caps = []
     for n in range(1, 40):
         sight = speed.step(None, motion, age_s=math.inf, now_s=n * FRAME_S)
@@ -134,20 +142,22 @@ def test_a_sight_that_is_no_longer_stated_shrinks_by_the_way_driven_and_then_is_
 
 def test_perception_that_never_states_a_sight_gets_a_bounded_speed_and_says_so_without_fear():
     speed = sight_speed()
-    sight = speed.step(seen(None, "", None), Motion(8.0, 0.0), age_s=0.0, now_s=0.0)
+    sight = speed.step(statistics_of(None, "", None), Motion(8.0, 0.0), age_s=0.0, now_s=0.0)
     assert (sight.sight_m, sight.cause, speed.share(sight, 8.0)) == (None, "sight_unknown", CALM)
     assert speed.comfort.way_m(sight.cap_mps) == pytest.approx(SIGHT.unstated_m - FRONT_M - SIGHT.margin_m)
 
 
 def test_an_older_frame_shows_less_by_the_way_driven_since():
-    now = sight_speed().step(seen(40.0), Motion(10.0, 0.0), age_s=0.0, now_s=1.0)
-    old = sight_speed().step(seen(40.0), Motion(10.0, 0.0), age_s=0.2, now_s=1.0)
+    now = sight_speed().step(statistics_of(40.0), Motion(10.0, 0.0), age_s=0.0, now_s=1.0)
+    old = sight_speed().step(statistics_of(40.0), Motion(10.0, 0.0), age_s=0.2, now_s=1.0)
     assert now.free_m - old.free_m == pytest.approx(2.0)
 
 
 def test_a_sight_that_nothing_ends_limits_nothing_but_the_reach_of_the_detector_does():
-    blind = sight_speed().step(seen(300.0, ""), Motion(20.0, 0.0), age_s=0.0, now_s=0.0)
-    watching = sight_speed().step(seen(300.0, ""), Motion(20.0, 0.0), age_s=0.0, now_s=0.0, watches=True)
+    blind = sight_speed().step(statistics_of(300.0, ""), Motion(20.0, 0.0), age_s=0.0, now_s=0.0)
+    watching = sight_speed().step(
+        statistics_of(300.0, ""), Motion(20.0, 0.0), age_s=0.0, now_s=0.0, watches=True
+    )
     assert blind.cap_mps == math.inf
     stop = sight_speed().emergency
     assert stop.way_m(watching.cap_mps) == pytest.approx(SIGHT.detector.clear_m - FRONT_M - SIGHT.margin_m)
@@ -157,7 +167,7 @@ def test_a_sight_that_nothing_ends_limits_nothing_but_the_reach_of_the_detector_
 def test_a_tighter_bend_never_raises_the_cap(bend_1pm, tighter_1pm):
     caps = [
         sight_speed()
-        .step(seen(300.0, ""), Motion(5.0, 0.0), age_s=0.0, now_s=0.0, watches=True, bend_1pm=bend)
+        .step(statistics_of(300.0, ""), Motion(5.0, 0.0), age_s=0.0, now_s=0.0, watches=True, bend_1pm=bend)
         .cap_mps
         for bend in (bend_1pm, bend_1pm + tighter_1pm)
     ]
@@ -166,10 +176,14 @@ def test_a_tighter_bend_never_raises_the_cap(bend_1pm, tighter_1pm):
 
 def test_the_gap_to_a_leader_replaces_the_sight_that_it_takes_but_not_that_of_a_wall_before_it():
     follows = sight_speed().step(
-        seen(18.0, "occluded"), Motion(8.0, 0.0), age_s=0.0, now_s=0.0, leader_m=17.0
+        statistics_of(18.0, "occluded"), Motion(8.0, 0.0), age_s=0.0, now_s=0.0, leader_m=17.0
     )
-    wall = sight_speed().step(seen(18.0, "occluded"), Motion(8.0, 0.0), age_s=0.0, now_s=0.0, leader_m=60.0)
-    foggy = sight_speed().step(seen(18.0, "fog"), Motion(8.0, 0.0), age_s=0.0, now_s=0.0, leader_m=17.0)
+    wall = sight_speed().step(
+        statistics_of(18.0, "occluded"), Motion(8.0, 0.0), age_s=0.0, now_s=0.0, leader_m=60.0
+    )
+    foggy = sight_speed().step(
+        statistics_of(18.0, "fog"), Motion(8.0, 0.0), age_s=0.0, now_s=0.0, leader_m=17.0
+    )
     assert (follows.cap_mps, follows.cause) == (math.inf, "")
     assert wall.cap_mps == foggy.cap_mps < 8.0
 
@@ -177,7 +191,7 @@ def test_the_gap_to_a_leader_replaces_the_sight_that_it_takes_but_not_that_of_a_
 @given(sight_m=st.floats(0.0, 300.0), speed_mps=st.floats(0.0, 40.0))
 def test_the_input_of_the_rules_is_the_free_way_over_the_stopping_way(sight_m, speed_mps):
     speed = sight_speed()
-    sight = speed.step(seen(sight_m), Motion(speed_mps, 0.0), age_s=0.0, now_s=0.0)
+    sight = speed.step(statistics_of(sight_m), Motion(speed_mps, 0.0), age_s=0.0, now_s=0.0)
     share = speed.share(sight, speed_mps)
     way_m = speed.comfort.way_m(speed_mps)
     if sight.free_m <= 0:
@@ -192,7 +206,7 @@ def test_a_model_car_drives_the_speeds_of_the_large_one_times_its_scale(scale, s
     def cap_mps(scale: float) -> float:
         settings = scaled_settings(SIGHT, scale)
         speed = SightSpeed(settings, front_m=FRONT_M * scale, drive_lag_s=VEHICLE.accel_lag_s)
-        statistics, motion = scaled_message(seen(sight_m), scale), Motion(speed_mps * scale, 0.0)
+        statistics, motion = scaled_message(statistics_of(sight_m), scale), Motion(speed_mps * scale, 0.0)
         return speed.step(statistics, motion, age_s=0.1, now_s=0.0, watches=True).cap_mps
 
     assert cap_mps(scale) == pytest.approx(cap_mps(1.0) * scale)
@@ -232,7 +246,7 @@ class Car:
         """One period; a frame every second one shows ``sight_m``."""
         if round(self.now_s / self.STEP_S) % 2 == 0:
             motion = Motion(self.speed_mps, 0.0)
-            sight = self.sight.step(seen(max(sight_m, 0.0)), motion, age_s=0.0, now_s=self.now_s)
+            sight = self.sight.step(statistics_of(max(sight_m, 0.0)), motion, age_s=0.0, now_s=self.now_s)
             self.short_s = self.short_s + FRAME_S if self.sight.is_too_fast(sight, motion) else 0.0
             self.brakes_hard = self.short_s > BRAKE_HARD_S
             self.braked_hard = self.braked_hard or self.brakes_hard

@@ -113,7 +113,7 @@ ROAD, TRAIL = Lane(0.0, 0.0, 0.0, 0.0), Lane(0.4, 0.03, 0.01, 0.0)
 WHEELBASE_M, LOOKAHEAD_M = 1.75, 8.0
 
 
-def driven(paths: list[Path | None], *, speed_mps: float = 4.0) -> list[Path | None]:
+def drive_paths(paths: list[Path | None], *, speed_mps: float = 4.0) -> list[Path | None]:
     hand_over = HandOver(OVER_S)
     return [hand_over.step(path, Motion(speed_mps, 0.0), now_s=n * STEP_S) for n, path in enumerate(paths)]
 
@@ -124,7 +124,7 @@ def switch(before: tuple[Lane, str], after: tuple[Lane, str], *, steps: int = 60
         Path(n * STEP_S, *(before if n < 10 else after)[:1], 20.0, (before if n < 10 else after)[1])
         for n in range(steps)
     ]
-    return [path for path in driven(list(paths), speed_mps=0.0) if path is not None]
+    return [path for path in drive_paths(list(paths), speed_mps=0.0) if path is not None]
 
 
 def wheel_rad(lane: Lane) -> float:
@@ -154,7 +154,7 @@ def test_between_paths_of_the_road_nothing_is_led_over() -> None:
 
 
 def test_without_a_path_before_there_is_nothing_to_lead_over_from() -> None:
-    found = driven([None, None, Path(2 * STEP_S, TRAIL, 20.0, "lead")])
+    found = drive_paths([None, None, Path(2 * STEP_S, TRAIL, 20.0, "lead")])
     assert found[:2] == [None, None]
     assert found[2] is not None
     assert found[2].lane == TRAIL

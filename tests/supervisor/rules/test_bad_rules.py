@@ -229,13 +229,13 @@ def small() -> dict[str, Any]:
     return data
 
 
-def dumped(data: dict[str, Any]) -> str:
+def dump(data: dict[str, Any]) -> str:
     buffer = io.StringIO()
     YAML(typ="safe").dump(data, buffer)
     return buffer.getvalue()
 
 
-SMALL = dumped(small())
+SMALL = dump(small())
 
 
 @given(
@@ -271,7 +271,7 @@ def test_a_file_with_odd_values_is_refused_in_one_line_or_loads(
         parts = _parts(data)
         holder, key = parts[int(place * len(parts))]
         holder[key] = copy.deepcopy(value)
-    path.write_text(dumped(data), encoding="utf-8")
+    path.write_text(dump(data), encoding="utf-8")
     loads_or_is_told(path)
 
 

@@ -266,7 +266,7 @@ def test_a_weight_can_only_calm() -> None:
     assert fears == [1, pytest.approx(0.3)]
 
 
-def found(seed: int) -> list[tuple[float, str, tuple[float, ...]]]:
+def random_results(seed: int) -> list[tuple[float, str, tuple[float, ...]]]:
     """Fear, cause and strengths of the shipped rules at random points."""
     rng = np.random.default_rng(seed)
     points = [{n: float(rng.uniform(*spec.range)) for n, spec in RULES.inputs.items()} for _ in range(200)]
@@ -275,7 +275,9 @@ def found(seed: int) -> list[tuple[float, str, tuple[float, ...]]]:
 
 def test_threads_that_share_the_rules_compute_the_same_bits() -> None:
     with ThreadPoolExecutor(4) as threads:
-        assert list(threads.map(found, [1, 2, 3, 4])) == [found(seed) for seed in (1, 2, 3, 4)]
+        assert list(threads.map(random_results, [1, 2, 3, 4])) == [
+            random_results(seed) for seed in (1, 2, 3, 4)
+        ]
 
 
 def test_rules_sent_to_another_process_and_back_compute_the_same_bits() -> None:

@@ -104,7 +104,7 @@ def test_an_edited_copy_that_appears_during_the_drive_counts(path: Path, tmp_pat
 
 
 @pytest.fixture
-def reached(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
+def wait_until(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
     """A running supervisor process; waits for a condition on its last diagnostic and decision."""
     offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
     spec = ProcessSpec(
@@ -132,15 +132,19 @@ def reached(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
 
 
 def test_a_running_supervisor_keeps_valid_rules_reports_the_error_and_adopts_corrected_rules(
-    path: Path, reached: Callable[[Callable[..., bool]], bool]
+    path: Path, wait_until: Callable[[Callable[..., bool]], bool]
 ) -> None:
-    assert reached(lambda diagnostic, decided: diagnostic.health is Health.OK and MARK not in decided.rules)
+    assert wait_until(
+        lambda diagnostic, decided: diagnostic.health is Health.OK and MARK not in decided.rules
+    )
     path.write_text(TYPO.replace("rules:\n", f"rules:\n  - {MARK}\n", 1), encoding="utf-8")
-    assert reached(
+    assert wait_until(
         lambda diagnostic, _: (
             diagnostic.health is Health.WARN and "did you mean 'state_age'?" in diagnostic.message
         )
     )
-    assert reached(lambda diagnostic, decided: f"{path}:" in diagnostic.message and MARK not in decided.rules)
+    assert wait_until(
+        lambda diagnostic, decided: f"{path}:" in diagnostic.message and MARK not in decided.rules
+    )
     path.write_text(MARKED, encoding="utf-8")
-    assert reached(lambda diagnostic, decided: diagnostic.health is Health.OK and MARK in decided.rules)
+    assert wait_until(lambda diagnostic, decided: diagnostic.health is Health.OK and MARK in decided.rules)

@@ -42,7 +42,7 @@ def no_input(moment: Moment) -> float:
 
 
 @pytest.fixture
-def registered(monkeypatch: pytest.MonkeyPatch) -> None:
+def registered_input(monkeypatch: pytest.MonkeyPatch) -> None:
     register(monkeypatch, "wobble")
 
 
@@ -67,7 +67,7 @@ def rules_with(tmp_path: Path, span: str) -> Path:
     return path
 
 
-def test_a_value_in_the_range_is_the_value_of_the_function(registered: None) -> None:
+def test_a_value_in_the_range_is_the_value_of_the_function(registered_input: None) -> None:
     assert added_values(("wobble", "speed"), NOW) == {"wobble": 0.4}
 
 
@@ -107,7 +107,7 @@ def test_the_range_must_rise() -> None:
         fear_input(low=1.0, high=1.0)
 
 
-def test_rules_may_name_the_input(registered: None, tmp_path: Path) -> None:
+def test_rules_may_name_the_input(registered_input: None, tmp_path: Path) -> None:
     assert supervisor.build(rules=rules_with(tmp_path, "0.0, 1.0"))
 
 

@@ -15,7 +15,7 @@ CHASSIS = (
 )
 
 
-def written(folder, understeer):
+def write_vehicle(folder, understeer):
     """The default vehicle with ``understeer`` in the place of its gradient."""
     path = folder / "car.yaml"
     text = FILE.read_text(encoding="utf-8")
@@ -46,7 +46,7 @@ def test_more_weight_ahead_understeers_and_the_balanced_car_is_neutral():
 
 
 def test_a_file_may_give_mass_and_tyres_instead_and_the_vehicle_keeps_the_gradient(tmp_path):
-    car = load(written(tmp_path, CHASSIS), Vehicle)
+    car = load(write_vehicle(tmp_path, CHASSIS), Vehicle)
     assert car.chassis == Chassis(
         mass_kg=1000.0, cg_to_front_m=0.7, front_stiffness_nprad=60000.0, rear_stiffness_nprad=80000.0
     )
@@ -67,16 +67,16 @@ def test_a_file_may_give_mass_and_tyres_instead_and_the_vehicle_keeps_the_gradie
 )
 def test_a_file_with_two_or_no_values_of_understeer_is_refused_with_its_place(tmp_path, understeer, message):
     with pytest.raises(InputError) as refused:
-        load(written(tmp_path, understeer), Vehicle)
+        load(write_vehicle(tmp_path, understeer), Vehicle)
     assert message in str(refused.value)
 
 
 def test_the_slip_of_the_rear_axle_is_its_mass_over_its_stiffness_or_as_given_or_none(tmp_path):
-    assert load(written(tmp_path, CHASSIS), Vehicle).rear_slip_gradient_rad_per_mps2 == pytest.approx(
+    assert load(write_vehicle(tmp_path, CHASSIS), Vehicle).rear_slip_gradient_rad_per_mps2 == pytest.approx(
         1000.0 * 0.7 / 1.75 / 8e4
     )
-    assert load(written(tmp_path, GIVEN), Vehicle).rear_slip_gradient_rad_per_mps2 == 0.0
-    given = load(written(tmp_path, f"{GIVEN}\nrear_slip_gradient_rad_per_mps2: 0.005"), Vehicle)
+    assert load(write_vehicle(tmp_path, GIVEN), Vehicle).rear_slip_gradient_rad_per_mps2 == 0.0
+    given = load(write_vehicle(tmp_path, f"{GIVEN}\nrear_slip_gradient_rad_per_mps2: 0.005"), Vehicle)
     assert given.rear_slip_gradient_rad_per_mps2 == 0.005
     with pytest.raises(InputError, match="chassis: gives the slip of the rear axle, and so does"):
-        load(written(tmp_path, f"{CHASSIS}\nrear_slip_gradient_rad_per_mps2: 0.005"), Vehicle)
+        load(write_vehicle(tmp_path, f"{CHASSIS}\nrear_slip_gradient_rad_per_mps2: 0.005"), Vehicle)

@@ -13,13 +13,13 @@ from trepid.config import InputError
 from trepid.images.files import is_upright_jpeg, natural_order, read_image
 
 
-def ordered(*names: str) -> list[str]:
+def order(*names: str) -> list[str]:
     return [path.name for path in natural_order(map(Path, names))]
 
 
 def test_numbers_in_names_count_by_value() -> None:
-    assert ordered("100.jpg", "2.jpg", "10.jpg", "1.jpg") == ["1.jpg", "2.jpg", "10.jpg", "100.jpg"]
-    assert ordered("run2_frame10.png", "run10_frame1.png", "run2_frame9.png") == [
+    assert order("100.jpg", "2.jpg", "10.jpg", "1.jpg") == ["1.jpg", "2.jpg", "10.jpg", "100.jpg"]
+    assert order("run2_frame10.png", "run10_frame1.png", "run2_frame9.png") == [
         "run2_frame9.png",
         "run2_frame10.png",
         "run10_frame1.png",
@@ -27,39 +27,39 @@ def test_numbers_in_names_count_by_value() -> None:
 
 
 def test_names_without_numbers_are_in_alphabetical_order() -> None:
-    assert ordered("b.png", "A.jpg", "c.png") == ["A.jpg", "b.png", "c.png"]
+    assert order("b.png", "A.jpg", "c.png") == ["A.jpg", "b.png", "c.png"]
 
 
 @given(st.lists(st.integers(0, 10**9), unique=True, min_size=1))
 def test_plain_counters_are_in_order_of_their_values(numbers: list[int]) -> None:
-    assert ordered(*(f"{n}_cam-image_array_.jpg" for n in numbers)) == [
+    assert order(*(f"{n}_cam-image_array_.jpg" for n in numbers)) == [
         f"{n}_cam-image_array_.jpg" for n in sorted(numbers)
     ]
 
 
 @given(st.sets(st.text("ab01.é²", min_size=1), min_size=1))
 def test_the_order_is_total_for_any_names(names: set[str]) -> None:
-    assert ordered(*sorted(names)) == ordered(*sorted(names, reverse=True))
+    assert order(*sorted(names)) == order(*sorted(names, reverse=True))
 
 
 PICTURE = np.random.default_rng(3).integers(0, 255, (120, 160, 3)).astype(np.uint8)
 
 
-def coded(suffix: str, picture: np.ndarray = PICTURE, *parameters: int) -> bytes:
+def encode(suffix: str, picture: np.ndarray = PICTURE, *parameters: int) -> bytes:
     return bytes(cv2.imencode(suffix, picture, parameters)[1])
 
 
 def with_thumbnail(jpeg: bytes) -> bytes:
     """The JPEG with another one in its segment APP1, as cameras write it."""
-    body = b"Exif\0\0" + coded(".jpg", PICTURE[:30, :40])
+    body = b"Exif\0\0" + encode(".jpg", PICTURE[:30, :40])
     return jpeg[:2] + b"\xff\xe1" + (len(body) + 2).to_bytes(2, "big") + body + jpeg[2:]
 
 
 JPEGS = {
-    "baseline": coded(".jpg"),
-    "progressive": coded(".jpg", PICTURE, cv2.IMWRITE_JPEG_PROGRESSIVE, 1),
-    "with restart marks": coded(".jpg", PICTURE, cv2.IMWRITE_JPEG_RST_INTERVAL, 2),
-    "with a thumbnail": with_thumbnail(coded(".jpg")),
+    "baseline": encode(".jpg"),
+    "progressive": encode(".jpg", PICTURE, cv2.IMWRITE_JPEG_PROGRESSIVE, 1),
+    "with restart marks": encode(".jpg", PICTURE, cv2.IMWRITE_JPEG_RST_INTERVAL, 2),
+    "with a thumbnail": with_thumbnail(encode(".jpg")),
 }
 
 
@@ -81,7 +81,7 @@ def test_a_jpeg_is_complete_with_its_own_end_mark_whatever_follows_it(kind: str,
 
 def test_a_png_may_be_followed_by_other_data(tmp_path: Path) -> None:
     path = tmp_path / "a.png"
-    path.write_bytes(coded(".png") + bytes(100_000))
+    path.write_bytes(encode(".png") + bytes(100_000))
     assert (read_image(path) == PICTURE).all()
 
 
@@ -95,7 +95,7 @@ def test_an_image_of_too_many_pixels_is_refused_in_one_line(tmp_path: Path) -> N
 @pytest.mark.parametrize("big_endian", [False, True])
 @pytest.mark.parametrize("orientation", range(10))
 def test_a_jpeg_is_upright_as_stored_where_its_exif_turns_nothing(orientation: int, big_endian: bool) -> None:
-    turned = rig.turned_jpeg(coded(".jpg"), orientation, big_endian=big_endian)
+    turned = rig.turned_jpeg(encode(".jpg"), orientation, big_endian=big_endian)
     assert is_upright_jpeg(turned) == (orientation not in range(2, 9))
 
 
@@ -104,6 +104,6 @@ def test_a_jpeg_without_orientation_is_upright(kind: str) -> None:
     assert is_upright_jpeg(JPEGS[kind])
 
 
-@pytest.mark.parametrize("data", [b"", coded(".png")], ids=["empty", "PNG"])
+@pytest.mark.parametrize("data", [b"", encode(".png")], ids=["empty", "PNG"])
 def test_other_files_are_no_upright_jpeg(data: bytes) -> None:
     assert not is_upright_jpeg(data)

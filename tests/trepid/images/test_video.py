@@ -15,7 +15,7 @@ TIMES_MS = [*range(0, 400, 40), *range(600, 2600, 200), 9000]
 IMAGES = [np.full((48, 64, 3), 10 * n, np.uint8) for n in range(len(TIMES_MS))]
 
 
-def numbered(images: list[np.ndarray]) -> list[int]:
+def numbers_of(images: list[np.ndarray]) -> list[int]:
     return [round(float(image.mean()) / 10) for image in images]
 
 
@@ -38,9 +38,9 @@ def test_matroska_is_read_to_its_end_by_its_stamps_whatever_it_announces(
     frames = [(frame.number, frame.t_s, frame.decode()) for frame in video_frames(path)]
     assert [number for number, _, _ in frames] == list(range(len(IMAGES)))
     assert [t_s for _, t_s, _ in frames] == pytest.approx([t / 1e3 for t in TIMES_MS])
-    assert numbered([image for _, _, image in frames]) == list(range(len(IMAGES)))
+    assert numbers_of([image for _, _, image in frames]) == list(range(len(IMAGES)))
     assert count_frames(path) == len(IMAGES) and loss_of(path) == ""
-    assert numbered(spread_images(path, 3)) == [0, 10, 20]
+    assert numbers_of(spread_images(path, 3)) == [0, 10, 20]
 
 
 def test_a_stamp_that_does_not_follow_is_one_period_after_the_one_before(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_a_clock_that_steps_back_leaves_no_two_frames_at_one_time(tmp_path: Path
 def test_a_film_of_opencv_is_whole_and_a_part_of_it_is_called_cut(tmp_path: Path, name: str) -> None:
     path = film(tmp_path / name)
     assert [frame.t_s for frame in video_frames(path)] == pytest.approx([n / 25 for n in range(12)])
-    assert loss_of(path) == "" and numbered(spread_images(path, 4)) == pytest.approx([0, 3, 7, 11], abs=1)
+    assert loss_of(path) == "" and numbers_of(spread_images(path, 4)) == pytest.approx([0, 3, 7, 11], abs=1)
     data = path.read_bytes()
     for share in (0.3, 0.7, 0.95):
         path.write_bytes(data[: int(share * len(data))])

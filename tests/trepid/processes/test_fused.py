@@ -17,7 +17,7 @@ from trepid.processes.settings import ProcessSpec
 TURNS: list[str] = []
 
 
-class Recorded:
+class NotingNode:
     """A node that notes its turns and reports its health."""
 
     def __init__(self, me: Any) -> None:
@@ -34,11 +34,11 @@ class Recorded:
 
 
 @contextmanager
-def node(me: Any) -> Iterator[Recorded]:
-    yield Recorded(me)
+def node(me: Any) -> Iterator[NotingNode]:
+    yield NotingNode(me)
 
 
-def fused(**options: dict[str, Any]) -> Any:
+def run_fused(**options: dict[str, Any]) -> Any:
     """A process with the nodes ``options`` that stops after one round; holds what was reported."""
     module = sys.modules[__name__].__name__
     seen = SimpleNamespace(waits=[], states=[], values=())
@@ -65,23 +65,23 @@ def fused(**options: dict[str, Any]) -> Any:
 
 
 def test_nodes_take_turns_in_the_order_of_the_options() -> None:
-    fused(cv=dict(due_s=1), supervisor=dict(due_s=1), controller=dict(due_s=1))
+    run_fused(cv=dict(due_s=1), supervisor=dict(due_s=1), controller=dict(due_s=1))
     assert TURNS == ["cv", "supervisor", "controller"]
 
 
 def test_the_process_waits_no_longer_than_the_node_that_is_due_first() -> None:
-    assert fused(cv=dict(due_s=0.1), controller=dict(due_s=0.02)).waits == [0.02]
+    assert run_fused(cv=dict(due_s=0.1), controller=dict(due_s=0.02)).waits == [0.02]
 
 
 def test_the_one_heartbeat_has_the_worst_health_and_the_values_of_all_nodes() -> None:
-    seen = fused(cv=dict(due_s=1, warns="no frames"), controller=dict(due_s=1))
+    seen = run_fused(cv=dict(due_s=1, warns="no frames"), controller=dict(due_s=1))
     assert seen.states[-1] == (Health.WARN, "cv: no frames")
     assert seen.values == (("value of cv", "1"), ("value of controller", "1"))
 
 
 def test_a_shared_process_has_the_highest_real_time_priority_of_its_nodes() -> None:
-    assert fused(cv=dict(due_s=1), controller=dict(due_s=1)).realtime is None
-    seen = fused(
+    assert run_fused(cv=dict(due_s=1), controller=dict(due_s=1)).realtime is None
+    seen = run_fused(
         cv=dict(due_s=1, realtime=10),
         lead=dict(due_s=1, realtime=None),
         supervisor=dict(due_s=1),

@@ -139,12 +139,12 @@ def test_a_process_that_reads_malformed_messages_reports_them_as_a_warning(
     with fleet(CONTROLLER):
         assert until(lambda: diagnostics.take() is not None, patience_s=20)
 
-        def warned() -> bool:
+        def has_warned() -> bool:
             send_malformed(Diagnostic(t_s=0.0, process="x", health=Health.OK, message="", values=()))
             beat = diagnostics.take()
             return beat is not None and beat.health is Health.WARN
 
-        assert until(warned, patience_s=10)
+        assert until(has_warned, patience_s=10)
     assert diagnostics.message is not None
     assert diagnostics.message.message == f"malformed messages on {DECISION.key}"
     assert int(dict(diagnostics.message.values)[f"malformed {DECISION.key}"]) > 0

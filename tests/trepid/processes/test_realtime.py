@@ -29,7 +29,7 @@ def ready(option: int | None = None, *, realtime: int | None = None) -> list[tup
 
 
 @pytest.fixture
-def given(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int, int]]:
+def class_changes(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int, int]]:
     """Thread, class and priority of each change."""
     changes: list[tuple[int, int, int]] = []
     monkeypatch.setattr(
@@ -52,10 +52,12 @@ def test_every_heartbeat_of_a_ready_process_says_that_the_real_time_class_is_ref
     assert third == (Health.WARN, f"no frames; {refused}")
 
 
-def test_every_thread_of_a_process_gets_the_class_of_its_option(given: list[tuple[int, int, int]]) -> None:
+def test_every_thread_of_a_process_gets_the_class_of_its_option(
+    class_changes: list[tuple[int, int, int]],
+) -> None:
     assert ready(10) == STEPPED
-    assert (os.getpid(), os.SCHED_RR, 10) in given
-    assert len(given) == len([*Path("/proc/self/task").iterdir()])
+    assert (os.getpid(), os.SCHED_RR, 10) in class_changes
+    assert len(class_changes) == len([*Path("/proc/self/task").iterdir()])
 
 
 def test_a_thread_that_has_ended_refuses_nothing_for_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,14 +80,16 @@ def test_a_thread_that_has_ended_refuses_nothing_for_the_others(monkeypatch: pyt
     assert thread.native_id in changed
 
 
-def test_the_priority_of_a_shared_process_counts_before_an_option(given: list[tuple[int, int, int]]) -> None:
+def test_the_priority_of_a_shared_process_counts_before_an_option(
+    class_changes: list[tuple[int, int, int]],
+) -> None:
     ready(10, realtime=20)
-    assert {priority for _, _, priority in given} == {20}
+    assert {priority for _, _, priority in class_changes} == {20}
 
 
-def test_without_a_priority_the_class_stays(given: list[tuple[int, int, int]]) -> None:
+def test_without_a_priority_the_class_stays(class_changes: list[tuple[int, int, int]]) -> None:
     assert ready() == STEPPED
-    assert given == []
+    assert class_changes == []
 
 
 def test_a_thread_that_leaves_the_class_begins_processes_of_the_normal_one() -> None:

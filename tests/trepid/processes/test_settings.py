@@ -14,11 +14,11 @@ def car(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], dict
     """The processes of a car with this text in processes.yaml, by name."""
     monkeypatch.setenv(CAR, str(tmp_path))
 
-    def loaded(text: str) -> dict[str, ProcessSpec]:
+    def load_specs(text: str) -> dict[str, ProcessSpec]:
         (tmp_path / "processes.yaml").write_text(text)
         return {spec.name: spec for spec in load_processes()}
 
-    return loaded
+    return load_specs
 
 
 def test_the_defaults_are_the_processes_of_a_simulated_drive() -> None:

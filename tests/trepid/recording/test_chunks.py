@@ -11,7 +11,7 @@ from trepid.recording.writer import KEPT, PackedIndices, pack_indices
 CHANNELS, CHUNKS = 16, 300
 
 
-def written(path: Path, *, packed: bool) -> int:
+def write_chunks(path: Path, *, packed: bool) -> int:
     """Write CHUNKS chunks with messages of CHANNELS channels; what the writer holds before its end [bytes]."""
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD)
@@ -33,7 +33,7 @@ def written(path: Path, *, packed: bool) -> int:
 
 def test_a_packed_index_leaves_the_file_the_same_and_takes_a_quarter_of_the_memory(tmp_path: Path) -> None:
     plain, packed = tmp_path / "plain.mcap", tmp_path / "packed.mcap"
-    plain_bytes, packed_bytes = written(plain, packed=False), written(packed, packed=True)
+    plain_bytes, packed_bytes = write_chunks(plain, packed=False), write_chunks(packed, packed=True)
     assert packed_bytes < plain_bytes / 4
     assert packed.read_bytes() == plain.read_bytes()
     with packed.open("rb") as stream:

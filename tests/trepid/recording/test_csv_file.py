@@ -26,7 +26,7 @@ def cells(path: Path) -> list[list[str]]:
     return [row.cells for row in read_rows(path)]
 
 
-def written(path: Path, separator: str, *, comma: bool = False, encoding: str = "utf-8") -> Path:
+def write_csv(path: Path, separator: str, *, comma: bool = False, encoding: str = "utf-8") -> Path:
     with path.open("w", newline="", encoding=encoding) as file:
         writer = csv.writer(file, delimiter=separator)
         writer.writerow(HEADER)
@@ -42,7 +42,7 @@ def written(path: Path, separator: str, *, comma: bool = False, encoding: str = 
 def test_a_table_reads_the_same_in_every_dialect(
     tmp_path: Path, separator: str, comma: bool, encoding: str
 ) -> None:
-    assert cells(written(tmp_path / "a.csv", separator, comma=comma, encoding=encoding)) == [HEADER, *ROWS]
+    assert cells(write_csv(tmp_path / "a.csv", separator, comma=comma, encoding=encoding)) == [HEADER, *ROWS]
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=20), st.sampled_from([";", "\t", "|"]))
@@ -58,7 +58,7 @@ def test_decimal_commas_change_no_number(tmp_path_factory, values: list[float], 
     ["T_S,IMAGE,Angle", ' t_s , Image, "ANGLE" ', '"T_s", "image", "angle"', "\u00a0t_s,image,angle "],
 )
 def test_names_of_columns_count_in_any_case_with_blanks_and_quotes(tmp_path: Path, header: str) -> None:
-    path = written(tmp_path / "a.csv", ",")
+    path = write_csv(tmp_path / "a.csv", ",")
     path.write_text(path.read_text().replace(",".join(HEADER), header))
     first, *rows = read_rows(path)
     assert column_names(first, {"t_s", "image", "angle"}) == HEADER

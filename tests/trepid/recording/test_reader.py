@@ -31,7 +31,7 @@ def states() -> list[m.VehicleState]:
     return [dataclasses.replace(STATE, t_s=100.0 + i / 10, speed_mps=i / 10) for i in range(10 * SECONDS)]
 
 
-def written(path: Path, *, began_s: float | None = None) -> Path:
+def write_recording(path: Path, *, began_s: float | None = None) -> Path:
     rules = path.parent / "fear.yaml"
     rules.write_text("rules: here\n")
     with Recording(path, attachments(rules)) as recording:
@@ -57,7 +57,7 @@ def foreign(path: Path, key: str, name: str, text: str, *messages: bytes) -> Pat
 
 
 def test_messages_files_and_start_of_a_drive_are_read_as_written(tmp_path: Path) -> None:
-    read = read_recording(written(tmp_path / "a.mcap", began_s=103.5), "vehicle/*")
+    read = read_recording(write_recording(tmp_path / "a.mcap", began_s=103.5), "vehicle/*")
     assert [state for _, state in read.of(VEHICLE_STATE)] == states()
     assert read.of(VEHICLE_STATE)[0][0] == pytest.approx(100.01)
     assert read.files == {"fear.yaml": b"rules: here\n"}
@@ -66,7 +66,7 @@ def test_messages_files_and_start_of_a_drive_are_read_as_written(tmp_path: Path)
 
 
 def test_only_the_requested_topics_and_times_are_read(tmp_path: Path) -> None:
-    path = written(tmp_path / "a.mcap")
+    path = write_recording(tmp_path / "a.mcap")
     assert read_recording(path, "perception/*").messages == {}
     short = read_recording(path, VEHICLE_STATE.key, from_s=110.0, to_s=112.0).of(VEHICLE_STATE)
     assert {round(at_s) for at_s, _ in short} == {110, 111, 112}
@@ -75,7 +75,7 @@ def test_only_the_requested_topics_and_times_are_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7, 0.9, 0.999])
 def test_a_truncated_recording_is_read_up_to_its_last_complete_chunk(tmp_path: Path, share: float) -> None:
     """Power is lost at any byte: the data on the disk is readable up to about the last second."""
-    whole = written(tmp_path / "whole.mcap", began_s=100.0).read_bytes()
+    whole = write_recording(tmp_path / "whole.mcap", began_s=100.0).read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: int(share * len(whole))])
     read = read_recording(cut, VEHICLE_STATE.key)
@@ -99,7 +99,7 @@ def test_every_second_is_on_disk_while_recording(tmp_path: Path) -> None:
 
 
 def test_reading_ends_at_a_corrupted_byte(tmp_path: Path) -> None:
-    data = bytearray(written(tmp_path / "a.mcap").read_bytes())
+    data = bytearray(write_recording(tmp_path / "a.mcap").read_bytes())
     data[len(data) // 2] ^= 0xFF
     path = tmp_path / "broken.mcap"
     path.write_bytes(data)

@@ -27,7 +27,7 @@ from trepid.recording.writer import BEGAN, Recording, check_free, check_recordin
 from trepid.topics import DIAGNOSTICS, DRIVER_INPUT, VEHICLE_STATE
 
 
-class Recorded:
+class RecorderProcess:
     """A recorder process, and a bus that gives it states of a vehicle."""
 
     def __init__(self, fleet: Fleet, bus: Any, clock: Callable[[], float]) -> None:
@@ -86,7 +86,7 @@ def recorder() -> Iterator[Callable[[Path], Any]]:
             spec = ProcessSpec("recorder", "trepid.recording.node", options, loss=Loss.NOTHING)
             return Fleet((spec,), vehicle_name="car", endpoint=endpoint, clock_offset_ns=offset_ns)
 
-        fleet.of = lambda running: Recorded(running, bus, clock)  # type: ignore[attr-defined]
+        fleet.of = lambda running: RecorderProcess(running, bus, clock)  # type: ignore[attr-defined]
         yield fleet
 
 
@@ -132,11 +132,11 @@ def test_a_full_disk_ends_the_last_minutes_once_and_not_the_process(
         (small_disk / "others").write_bytes(bytes(left.f_bavail * left.f_bsize))
         told: list[str] = []
 
-        def refused(beat: Diagnostic) -> bool:
+        def is_refused(beat: Diagnostic) -> bool:
             told.append(beat.message)
             return told.count(told[-1]) > 2 and beat.health is Health.ERROR
 
-        assert recorded.sends_until(refused)
+        assert recorded.sends_until(is_refused)
         assert "the last minutes are not recorded any more" in told[-1] and "No space left" in told[-1]
         (small_disk / "others").unlink()
         assert recorded.sends_until(lambda beat: beat.message == told[-1]), (

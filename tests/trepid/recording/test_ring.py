@@ -36,7 +36,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def written(
+def write_ring(
     seconds: int, *, name: str = "a drive", max_mb: float = 1.0, beats: Mapping[int, bytes] | None = None
 ) -> Ring:
     """A ring with ten states a second in parts of 2 s, not closed; ``beats``: heartbeats by number of a state."""
@@ -53,7 +53,7 @@ def written(
 
 
 def test_the_parts_of_a_drive_become_one_recording(tmp_path: Path) -> None:
-    ring = written(9)
+    ring = write_ring(9)
     ring.began_ns(101_000_000_000)
     ring.close()
     assert newest() == ring.folder
@@ -64,14 +64,14 @@ def test_the_parts_of_a_drive_become_one_recording(tmp_path: Path) -> None:
 
 
 def test_a_ring_that_was_killed_is_kept_up_to_its_last_second(tmp_path: Path) -> None:
-    ring = written(9)
+    ring = write_ring(9)
     keep_parts(secure_parts(ring.folder), tmp_path / "kept.mcap")
     assert read_recording(tmp_path / "kept.mcap", VEHICLE_STATE.key).last_s > 107.5
 
 
 def test_a_recorder_that_is_started_again_goes_on_in_the_ring_of_its_drive(tmp_path: Path) -> None:
-    first = written(3)
-    again = written(3)
+    first = write_ring(3)
+    again = write_ring(3)
     again.close()
     assert again.folder == first.folder
     assert [part.stem for part in sorted(again.folder.glob("*.mcap"))] == [
@@ -98,7 +98,7 @@ def test_what_is_kept_begins_with_the_rules_of_its_oldest_part(
 ) -> None:
     """They changed in the parts 2 and 4."""
     malformed = changed_rules("malformed")[:-12]
-    ring = written(9, beats={30: changed_rules("changed"), 70: changed_rules("again"), 72: malformed})
+    ring = write_ring(9, beats={30: changed_rules("changed"), 70: changed_rules("again"), 72: malformed})
     ring.close()
     for part in sorted(ring.folder.glob("*.mcap"))[:deleted]:
         part.unlink()
@@ -130,7 +130,7 @@ def drives(home: Path, own_register: Path) -> Callable[..., None]:
 def test_the_ring_of_the_running_drive_is_kept_and_not_the_newest_of_the_machine(
     drives: Callable[..., None],
 ) -> None:
-    mine, newer = written(3, name="mine"), written(3, name="newer")
+    mine, newer = write_ring(3, name="mine"), write_ring(3, name="newer")
     for age_s, ring in ((100.0, mine), (0.0, newer)):
         for part in ring.folder.glob("*.mcap"):
             os.utime(part, (1000.0 - age_s, 1000.0 - age_s))
@@ -142,7 +142,7 @@ def test_the_ring_of_the_running_drive_is_kept_and_not_the_newest_of_the_machine
 def test_of_two_running_drives_the_endpoint_decides_and_without_it_both_are_named_in_one_line(
     drives: Callable[..., None], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rings = [written(3, name=name) for name in ("first", "second")]
+    rings = [write_ring(3, name=name) for name in ("first", "second")]
     drives(one="first", two="second")
     assert [ring_of("one"), ring_of("two")] == [ring.folder for ring in rings]
     monkeypatch.setattr(sys, "argv", ["trepid", "record", "keep"])
@@ -157,14 +157,14 @@ def test_of_two_running_drives_the_endpoint_decides_and_without_it_both_are_name
 def test_a_running_drive_without_a_ring_is_refused_although_an_older_one_left_its_ring(
     drives: Callable[..., None],
 ) -> None:
-    written(3)
+    write_ring(3)
     drives(one=None)
     with pytest.raises(InputError, match=r"scenario one .* writes no last minutes"):
         ring_of()
 
 
 def test_the_oldest_parts_are_deleted_beyond_the_size_and_secured_ones_stay(tmp_path: Path) -> None:
-    ring = written(9)
+    ring = write_ring(9)
     ring.close()
     parts = sorted(ring.folder.glob("*.mcap"))
     for age, part in enumerate(reversed(parts)):
@@ -180,7 +180,7 @@ def test_another_drive_that_deletes_the_empty_folder_of_a_drive_does_not_end_its
     tap: Any = SimpleNamespace(drain=lambda: [message])
     settings = RingSettings(max_mb=1.0, part_s=2.0, after_s=1.0, max_kept_mb=1.0)
     ring = Ring(tap, "a drive", settings, {}, {})
-    written(3, name="another drive").close()
+    write_ring(3, name="another drive").close()
     assert not ring.folder.exists()
     ring.write()
     ring.close()
@@ -195,7 +195,7 @@ def test_a_disk_that_refuses_a_kept_recording_keeps_no_part_of_it(
     capsys: pytest.CaptureFixture[str],
     own_register: Path,
 ) -> None:
-    written(9).close()
+    write_ring(9).close()
     out = home / "mine.mcap"
     monkeypatch.setattr(sys, "argv", ["trepid", "record", "keep", "--out", str(out)])
     with files_limited_to(size):
@@ -207,7 +207,7 @@ def test_a_disk_that_refuses_a_kept_recording_keeps_no_part_of_it(
 
 
 def test_a_process_that_joins_parts_deletes_them_also_where_it_fails(home: Path) -> None:
-    safe, out = secure_parts(written(3).folder), home / "mine.mcap"
+    safe, out = secure_parts(write_ring(3).folder), home / "mine.mcap"
     out.touch()
     joining = [sys.executable, "-m", "trepid.recording.ring", str(safe), str(out)]
     assert subprocess.run(joining, check=False, capture_output=True).returncode == 2
@@ -217,7 +217,7 @@ def test_a_process_that_joins_parts_deletes_them_also_where_it_fails(home: Path)
 def test_nothing_kept_is_overwritten_and_no_ring_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no drive to keep"):
         newest()
-    ring = written(3)
+    ring = write_ring(3)
     (tmp_path / "there.mcap").write_text("precious")
     with pytest.raises(InputError, match="exists already and is kept"):
         keep_parts(secure_parts(ring.folder), tmp_path / "there.mcap")

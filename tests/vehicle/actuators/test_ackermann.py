@@ -41,12 +41,12 @@ def test_commands_travel_as_ackermann_drive_stamped_and_the_state_comes_back(bus
     report = theirs.publisher(Topic("actuator/state", VehicleState, 100))
     assert ros_name(Command) == "ackermann_msgs/msg/AckermannDriveStamped"
 
-    def exchanged():
+    def has_exchanged():
         actuator.write(can_rig.command(0.2, 1.0, t_s=5.0), now_s=CLOCK())
         report(can_rig.state(0.1, 3.0, override=True, t_s=4.0))
         return commands.refresh() and actuator.read(now_s=CLOCK())
 
-    assert until(exchanged, patience_s=20)
+    assert until(has_exchanged, patience_s=20)
     arrived = commands.message
     assert (arrived.t_s, arrived.road_wheel_angle_rad, arrived.accel_mps2) == pytest.approx((5.0, 0.2, 1.0))
     state = actuator.read(now_s=CLOCK())
@@ -64,14 +64,14 @@ def test_an_odometry_gives_speed_and_yaw_rate_and_the_angle_is_that_of_the_last_
     actuator = actuator_on(ours, state="odometry", wheel_angle="commanded")
     report = theirs.publisher(Topic("actuator/state", Odometry, 100))
 
-    def reported(speed_mps):
+    def has_reported(speed_mps):
         report(Odometry(t_s=4.0, speed_mps=speed_mps, yaw_rate_radps=-0.3))
         state = actuator.read(now_s=CLOCK())
         return state and state.speed_mps == speed_mps
 
-    assert until(lambda: reported(0.0), patience_s=20)
+    assert until(lambda: has_reported(0.0), patience_s=20)
     assert actuator.read(now_s=CLOCK()).road_wheel_angle_rad == 0.0
-    assert until(lambda: reported(2.5), patience_s=20)
+    assert until(lambda: has_reported(2.5), patience_s=20)
     assert actuator.read(now_s=CLOCK()).road_wheel_angle_rad is None  # of a car that rolls it is not known
     actuator.write(can_rig.command(0.2), now_s=CLOCK())
     state = actuator.read(now_s=CLOCK())
@@ -129,11 +129,11 @@ def test_the_goal_of_a_brake_is_below_the_reported_speed(buses):
     actuator._send = sent.append
     report = theirs.publisher(Topic("actuator/state", VehicleState, 100))
 
-    def reported():
+    def has_reported():
         report(can_rig.state(0.0, 3.0, t_s=4.0))
         return actuator.read(now_s=CLOCK())
 
-    assert until(reported, patience_s=20)
+    assert until(has_reported, patience_s=20)
     actuator.write(can_rig.command(0.0, -1.0, 5.0), now_s=CLOCK())
     assert (sent[-1].speed_mps, sent[-1].accel_mps2) == pytest.approx((2.0, 1.0))
 

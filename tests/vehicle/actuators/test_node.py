@@ -24,7 +24,7 @@ def node():
     return ActuatorStep(build_limiter(VEHICLE), build_check(VEHICLE, computed=SCRIPTED))
 
 
-def driven(node, *, steps, refused_at=None, state=True, from_s=10.0):
+def drive_node(node, *, steps, refused_at=None, state=True, from_s=10.0):
     """Steps with fresh commands at 5 m/s; the accelerations that go to the wire."""
     given = []
     for k in range(steps):
@@ -47,7 +47,7 @@ def test_nothing_reaches_the_wire_before_the_first_wheel_angle(node):
 
 
 def test_a_fresh_command_passes_through_the_limiter_to_the_wire(node):
-    accel_mps2, applied = driven(node, steps=50)
+    accel_mps2, applied = drive_node(node, steps=50)
     assert accel_mps2[-1] == pytest.approx(0.5)
     assert applied.state.speed_mps == 5.0
 
@@ -60,8 +60,8 @@ def test_a_command_beyond_the_limits_does_not_reach_the_wire(node):
 
 
 def test_an_absent_state_travels_as_such_and_brakes(node):
-    driven(node, steps=20)
-    accel_mps2, applied = driven(node, steps=30, state=False, from_s=10.2)
+    drive_node(node, steps=20)
+    accel_mps2, applied = drive_node(node, steps=30, state=False, from_s=10.2)
     assert accel_mps2[0] <= -1.0
     assert accel_mps2[-1] == pytest.approx(-3.5)
     state = applied.state
@@ -74,7 +74,7 @@ def test_an_old_state_travels_with_its_own_time(node):
 
 
 def test_a_refusal_of_the_wire_stops_the_car_until_standstill(node):
-    accel_mps2, _ = driven(node, steps=100, refused_at=20)
+    accel_mps2, _ = drive_node(node, steps=100, refused_at=20)
     assert accel_mps2[19] == pytest.approx(0.5)
     assert max(accel_mps2[20:]) == pytest.approx(-3.5)
     standing = can_rig.state(0.0, 0.0, t_s=11.0)
@@ -85,7 +85,7 @@ def test_a_refusal_of_the_wire_stops_the_car_until_standstill(node):
 
 
 def test_the_override_of_the_driver_is_read_back_and_the_wheel_follows_the_hand(node):
-    driven(node, steps=20)
+    drive_node(node, steps=20)
     state = can_rig.state(0.1, 5.0, override=True, t_s=10.2)
     applied = node.step(can_rig.command(t_s=10.2), 10.2, state, now_s=10.2)
     assert applied.state.driver_override
@@ -191,12 +191,12 @@ def rolling(node):
 def test_where_a_process_publishes_driver_input_the_controller_waits_for_it(node, with_driver):
     drive = Drive(can_rig.command(accel_mps2=0.5, t_s=10.0), with_driver=with_driver)
     actuator = Rolling()
-    turned((Loop(drive, actuator, "can", node), drive), 2)
+    turn_loop((Loop(drive, actuator, "can", node), drive), 2)
     assert (actuator.speed_mps > 5.0) != with_driver
     assert ("no input of the driver" in drive.reasons) == with_driver
 
 
-def turned(rolling, turns, **how):
+def turn_loop(rolling, turns, **how):
     loop, clock = rolling
     for _ in range(turns):
         clock.s += 0.01
@@ -205,22 +205,22 @@ def turned(rolling, turns, **how):
 
 
 def test_before_its_end_the_process_brings_a_moving_car_to_a_standstill(rolling):
-    loop = turned(rolling, 1)
+    loop = turn_loop(rolling, 1)
     assert loop.moving
-    turned(rolling, 150, ending=True)
+    turn_loop(rolling, 150, ending=True)
     assert not loop.moving
     assert loop._wire._actuator.least_mps2 == pytest.approx(-3.5)
 
 
 def test_a_car_that_the_driver_has_is_not_stopped_at_the_end(rolling):
-    turned(rolling, 1)
+    turn_loop(rolling, 1)
     rolling[0]._wire._actuator.override = True
-    assert not turned(rolling, 5, ending=True).moving
+    assert not turn_loop(rolling, 5, ending=True).moving
 
 
 def test_a_standing_car_is_left_at_once(rolling):
     rolling[0]._wire._actuator.speed_mps = 0.0
-    assert not turned(rolling, 1).moving
+    assert not turn_loop(rolling, 1).moving
 
 
 class Mute(Rolling):
@@ -244,5 +244,5 @@ def test_a_car_that_the_stop_button_holds_is_reported_as_held_beside_any_fault(
 ):
     drive = Drive()
     drive.stop = StopRequest(t_s=10.0, stop=True)
-    turned((Loop(drive, actuator, "can", node), drive), 1, **how)
+    turn_loop((Loop(drive, actuator, "can", node), drive), 1, **how)
     assert drive.reasons == [health, message]

@@ -113,8 +113,8 @@ def test_the_end_of_the_steering_is_not_taken_for_a_driver(tmp_path, lack_rad) -
     with chip_on(tmp_path / "i2c"):
         actuator = PcaActuator(settings, car(clock))
         wire, node = wire_and_step(actuator, vehicle=car(clock).vehicle)
-        looped(wire, node, clock, 200, 0.5)
-        looped(wire, node, clock, 600, 0.0, STEERING["left_rad"])
+        run_loop(wire, node, clock, 200, 0.5)
+        run_loop(wire, node, clock, 600, 0.0, STEERING["left_rad"])
         state = actuator.read(now_s=clock.now_s)
         assert (state.road_wheel_angle_rad, node._limiter.handed_over) == (lock_rad, False)
         actuator.close()
@@ -153,14 +153,14 @@ def test_an_actuator_that_starts_again_in_a_bend_leaves_the_wheels(tmp_path) -> 
         assert chip.pulse_us(STEERING_CHANNEL) == held_us
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
         wire, node = wire_and_step(second)
-        looped(wire, node, clock, 100, 1.0)
+        run_loop(wire, node, clock, 100, 1.0)
         state = wire.read(clock.now_s)
         assert (state.speed_mps, state.yaw_rate_radps) == (None, None)
         assert state.road_wheel_angle_rad == pytest.approx(0.3, abs=0.005)
         assert chip.pulse_us(STEERING_CHANNEL) == held_us
-        looped(wire, node, clock, 51, 1.0)
+        run_loop(wire, node, clock, 51, 1.0)
         assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(held_us, abs=20.0)
-        looped(wire, node, clock, 100, 1.0)
+        run_loop(wire, node, clock, 100, 1.0)
         assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(STEERING["centre_us"], abs=COUNT_US)
         assert wire.read(clock.now_s).speed_mps > 0.5
         second.close()
@@ -278,10 +278,10 @@ def test_an_old_speed_does_not_drive_a_car_after_a_fault_of_the_wire(there, tmp_
     monkeypatch.setattr(actuator._board, "write", lambda pulses, now_s: pulses_us.append(pulses))
     drive(actuator, clock, 1.0, 1.0)
 
-    def unplugged(now_s: float) -> None:
+    def fail_reading(now_s: float) -> None:
         raise OSError("gone")
 
-    monkeypatch.setattr(actuator._board, "speed_mps", unplugged)
+    monkeypatch.setattr(actuator._board, "speed_mps", fail_reading)
     with pytest.raises(OSError, match="gone"):
         actuator.read(now_s=clock.now_s)
     actuator.write(command(0.0, 1.0), now_s=clock.now_s)
@@ -293,18 +293,18 @@ def test_a_serial_board_gets_no_steering_before_the_car_stands(there, tmp_path) 
     actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
     wire, node = wire_and_step(actuator, "serial")
 
-    def reported(speed_mps: float) -> bool:
+    def has_reported(speed_mps: float) -> bool:
         there.turn(clock.now_s, b"V%d\n" % round(1000 * speed_mps))
-        looped(wire, node, clock, 1, 0.5, angle_rad=0.2)
+        run_loop(wire, node, clock, 1, 0.5, angle_rad=0.2)
         state = actuator.read(now_s=clock.now_s)
         return state is not None and state.speed_mps == speed_mps
 
-    assert until(lambda: reported(2.0), patience_s=5)
+    assert until(lambda: has_reported(2.0), patience_s=5)
     assert actuator.read(now_s=clock.now_s).road_wheel_angle_rad is None
-    assert until(lambda: reported(1.0), patience_s=5)
+    assert until(lambda: has_reported(1.0), patience_s=5)
     assert there.board.pulses_us == {THROTTLE_CHANNEL: THROTTLE["neutral_us"]}
-    assert until(lambda: reported(0.0), patience_s=5)
-    looped(wire, node, clock, 3, 0.5, angle_rad=0.2)
+    assert until(lambda: has_reported(0.0), patience_s=5)
+    run_loop(wire, node, clock, 3, 0.5, angle_rad=0.2)
     assert until(lambda: there.turn(clock.now_s) or STEERING_CHANNEL in there.board.pulses_us, patience_s=5)
 
 
@@ -357,7 +357,7 @@ def wire_and_step(
     return Wire(actuator, name), step
 
 
-def looped(
+def run_loop(
     wire: Wire, node: ActuatorStep, clock: Time, turns: int, accel_mps2: float, angle_rad: float = 0.0
 ) -> None:
     """Turns of the actuator process with fresh commands."""
@@ -377,16 +377,16 @@ def test_after_a_freeze_of_the_process_the_throttle_stays_neutral_until_standsti
     with chip_on(tmp_path / "i2c") as chip:
         actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
         wire, node = wire_and_step(actuator)
-        looped(wire, node, clock, 300, 0.7)
+        run_loop(wire, node, clock, 300, 0.7)
         assert chip.pulse_us(THROTTLE_CHANNEL) > THROTTLE["neutral_us"] + 50
         before_mps = actuator.read(now_s=clock.now_s).speed_mps
         clock.now_s += pause_s
-        looped(wire, node, clock, 1, 0.7)
+        run_loop(wire, node, clock, 1, 0.7)
         assert "went to neutral" in wire.last
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
         decayed_mps = before_mps * math.exp(-(pause_s - 0.19) / 0.3)
         assert actuator.read(now_s=clock.now_s).speed_mps == pytest.approx(decayed_mps, abs=0.005)
-        looped(wire, node, clock, 10, 0.7)
+        run_loop(wire, node, clock, 10, 0.7)
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
         assert wire.failures == 1
         actuator.close()
@@ -397,11 +397,11 @@ def test_after_a_freeze_until_standstill_the_car_starts_from_standstill(tmp_path
     with chip_on(tmp_path / "i2c") as chip:
         actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
         wire, node = wire_and_step(actuator)
-        looped(wire, node, clock, 300, 0.7)
+        run_loop(wire, node, clock, 300, 0.7)
         clock.now_s += 5.0
-        looped(wire, node, clock, 1, 0.7)
+        run_loop(wire, node, clock, 1, 0.7)
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
-        looped(wire, node, clock, 20, 0.7)
+        run_loop(wire, node, clock, 20, 0.7)
         assert chip.pulse_us(THROTTLE_CHANNEL) < 1540.0
         actuator.close()
 
@@ -468,7 +468,7 @@ def test_the_demand_stays_near_the_measured_speed() -> None:
     assert motion.demand_mps == pytest.approx(0.4 + LEAD_MPS)
 
 
-def driven_by(
+def speeds_by(
     motion: SpeedIntegrator, factor: float, speed_mps: float, accel_mps2: float, *, seconds: float
 ) -> list[float]:
     """Speeds of a car with a sensor that drives ``factor`` times the demand after a lag of 0.3 s."""
@@ -486,7 +486,7 @@ def driven_by(
 def test_a_brake_never_raises_the_speed_of_a_car_that_differs_from_its_table(factor, accel_mps2) -> None:
     motion = SpeedIntegrator(0.3)
     motion.demand_mps = 2.0 / factor
-    speeds_mps = driven_by(motion, factor, 2.0, accel_mps2, seconds=30.0)
+    speeds_mps = speeds_by(motion, factor, 2.0, accel_mps2, seconds=30.0)
     assert all(after <= before + 1e-9 for before, after in pairwise(speeds_mps))
     assert speeds_mps[-1] == pytest.approx(0.0, abs=1e-3)
 
@@ -495,7 +495,7 @@ def test_a_brake_never_raises_the_speed_of_a_car_that_differs_from_its_table(fac
 def test_a_small_acceleration_does_not_run_away_on_a_car_that_is_faster_than_its_table(factor) -> None:
     motion = SpeedIntegrator(0.3)
     motion.demand_mps = 2.0 / factor
-    assert driven_by(motion, factor, 2.0, 0.05, seconds=4.0)[-1] == pytest.approx(
+    assert speeds_by(motion, factor, 2.0, 0.05, seconds=4.0)[-1] == pytest.approx(
         2.0 + 0.2 * factor, abs=0.05
     )
 

@@ -302,7 +302,7 @@ def test_another_file_is_refused_in_one_line_with_its_name(kind: str, tmp_path: 
     assert str(path) in str(problem.value) and "\n" not in str(problem.value)
 
 
-def written(path: Path, **options: bool) -> Path:
+def write_images(path: Path, **options: bool) -> Path:
     """A file of the reference writer: four images, behind a topic of text."""
     ros_type, messages = images(4)
     with path.open("wb") as file:
@@ -326,12 +326,12 @@ def test_a_summary_that_repeats_no_schemas_or_channels_hides_no_image(
     tmp_path: Path, schemas: bool, channels: bool, option: str
 ) -> None:
     without = {option: False} if option else {}
-    path = written(tmp_path / "a.mcap", repeat_schemas=schemas, repeat_channels=channels, **without)
+    path = write_images(tmp_path / "a.mcap", repeat_schemas=schemas, repeat_channels=channels, **without)
     assert types_of(path) == {"/said": TEXT, "/front": "sensor_msgs/msg/Image"}
     assert frames_of(path) == EXPECTED
 
 
-def described(path: Path, name: str, encoding: str) -> Path:
+def write_described(path: Path, name: str, encoding: str) -> Path:
     """A file with images whose type is written as ``name`` and that say to be in ``encoding``."""
     with path.open("wb") as file:
         writer = Writer(file)
@@ -346,7 +346,7 @@ def described(path: Path, name: str, encoding: str) -> Path:
 
 @pytest.mark.parametrize("name", ["sensor_msgs/Image", "sensor_msgs::msg::dds_::Image_"])
 def test_a_type_is_known_in_the_words_of_ros_1_and_dds(tmp_path: Path, name: str) -> None:
-    assert frames_of(described(tmp_path / "a.mcap", name, "cdr")) == EXPECTED
+    assert frames_of(write_described(tmp_path / "a.mcap", name, "cdr")) == EXPECTED
 
 
 @pytest.mark.parametrize(
@@ -361,7 +361,7 @@ def test_a_file_without_usable_images_is_refused_with_what_it_holds(
     tmp_path: Path, name: str, encoding: str, said: str
 ) -> None:
     with pytest.raises(InputError, match="holds no topic with sensor_msgs/msg/Image") as refused:
-        frames_of(described(tmp_path / "a.mcap", name, encoding))
+        frames_of(write_described(tmp_path / "a.mcap", name, encoding))
     assert str(refused.value).endswith(f"but {said}")
 
 
@@ -394,4 +394,4 @@ def test_a_chunk_that_was_packed_in_several_frames_is_read_to_its_end(
 
     pack = zstandard.compress
     monkeypatch.setattr("mcap.writer.zstandard.compress", in_two_frames)
-    assert frames_of(written(tmp_path / "a.mcap")) == EXPECTED
+    assert frames_of(write_images(tmp_path / "a.mcap")) == EXPECTED

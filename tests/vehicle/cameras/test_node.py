@@ -78,7 +78,7 @@ def hub() -> Iterator[tuple[Bus, str]]:
         yield bus, endpoint
 
 
-def started(endpoint: str, car: Path, text: str, *, restarts: int = 0) -> subprocess.Popen[str]:
+def start_camera(endpoint: str, car: Path, text: str, *, restarts: int = 0) -> subprocess.Popen[str]:
     """The camera process of a car."""
     car.mkdir(exist_ok=True)
     (car / "camera_source.yaml").write_text(text)
@@ -103,17 +103,17 @@ def test_the_process_publishes_frames_jpegs_and_a_heartbeat_with_statistics(
     frames, jpegs, beats = bus.latest(CAMERA_IMAGE), bus.latest(CAMERA_COMPRESSED), bus.stream(DIAGNOSTICS)
     folder = folder_of(tmp_path / "frames", 3)
     text = f"source: folder\nmount: {{rotate_deg: 180}}\nfolder:\n  path: {folder}\n  loop: true\n"
-    child = started(endpoint, tmp_path / "car", text)
+    child = start_camera(endpoint, tmp_path / "car", text)
     try:
         assert until(lambda: frames.refresh() and jpegs.refresh(), patience_s=PATIENCE_S)
         values: dict[str, str] = {}
 
-        def told() -> bool:
+        def is_told() -> bool:
             for beat, _ in beats.drain():
                 values.update(beat.values)
             return "gap_median_ms" in values
 
-        assert until(told, patience_s=PATIENCE_S)
+        assert until(is_told, patience_s=PATIENCE_S)
     finally:
         child.terminate()
         child.communicate(timeout=PATIENCE_S)
@@ -140,7 +140,7 @@ def test_a_wrong_source_ends_the_process_with_one_line_and_code_2(
 ) -> None:
     (tmp_path / "car").mkdir()
     (tmp_path / "car" / "broken.mp4").write_text("no video")
-    child = started(hub[1], tmp_path / "car", text)
+    child = start_camera(hub[1], tmp_path / "car", text)
     _, error = child.communicate(timeout=PATIENCE_S)
     assert child.returncode == 2
     assert problem in error and len(error.strip().splitlines()) == 1
@@ -152,7 +152,7 @@ def test_a_camera_that_is_absent_when_its_process_starts_again_is_waited_for(
     bus, endpoint = hub
     frames, beats = bus.latest(CAMERA_IMAGE), bus.latest(DIAGNOSTICS)
     text = f"source: folder\nfolder:\n  path: {tmp_path / 'frames'}\n  loop: true\n"
-    child = started(endpoint, tmp_path / "car", text, restarts=1)
+    child = start_camera(endpoint, tmp_path / "car", text, restarts=1)
     try:
         absent = "no frame: "
 
@@ -170,7 +170,7 @@ def test_a_camera_that_is_absent_when_its_process_starts_again_is_waited_for(
 
 
 def test_wrong_settings_are_refused_after_a_restart_too(hub: tuple[Bus, str], tmp_path: Path) -> None:
-    child = started(hub[1], tmp_path / "car", "source: camera\n", restarts=1)
+    child = start_camera(hub[1], tmp_path / "car", "source: camera\n", restarts=1)
     _, error = child.communicate(timeout=PATIENCE_S)
     assert child.returncode == 2
     assert "unknown camera source" in error

@@ -130,11 +130,11 @@ def test_a_compressed_image_of_too_many_pixels_is_refused() -> None:
 @pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 2), (3, 3), (1, 640)])
 def test_an_image_of_any_size_is_decoded_or_refused(encoding: str, size: tuple[int, int]) -> None:
     pixels = np.zeros((*size, ENCODINGS[encoding][0]), np.uint8)
-    image = decoded(foreign.image(pixels, encoding), IMAGE)
+    image = decode(foreign.image(pixels, encoding), IMAGE)
     assert image is None or image.shape == (*size, 3)
 
 
-def decoded(data: bytes, ros_type: str) -> Image | None:
+def decode(data: bytes, ros_type: str) -> Image | None:
     try:
         return ros_image(data, ros_type).decode()
     except WireError:
@@ -153,7 +153,7 @@ def test_broken_bytes_give_an_image_or_one_clear_error(
     for data, ros_type in ((foreign.image(BGR, encoding), IMAGE), (foreign.compressed(BGR), COMPRESSED)):
         broken = bytearray(data)
         broken[at % 80] = value
-        image = decoded(bytes(broken[: round(keep * len(broken))]), ros_type)
+        image = decode(bytes(broken[: round(keep * len(broken))]), ros_type)
         assert image is None or (image.ndim == 3 and image.shape[2] == 3 and image.dtype == np.uint8)
 
 

@@ -40,7 +40,9 @@ def topic(graph: tuple[Bus, str]) -> Iterator[Callable[..., RosTopic]]:
         one.close()
 
 
-def sent(bus: Bus, source: RosTopic, data: Callable[[], bytes], done: Callable[[Frame | None], bool]) -> bool:
+def send_until(
+    bus: Bus, source: RosTopic, data: Callable[[], bytes], done: Callable[[Frame | None], bool]
+) -> bool:
     """Publish again and again as the graph does, until ``done`` with a reading."""
 
     def once() -> bool:
@@ -64,7 +66,7 @@ def test_images_arrive_with_the_stamps_of_their_headers(
         stamps.append(now_ns() - 20_000_000)
         return foreign.image(picture(6), "bgr8", stamp_ns=stamps[-1])
 
-    assert sent(graph[0], source, data, lambda frame: frame is not None and not frames.append(frame))
+    assert send_until(graph[0], source, data, lambda frame: frame is not None and not frames.append(frame))
     assert number_of(frames[0].image) == 6
     assert min(abs(frames[0].t_s - stamp / 1e9) for stamp in stamps) < 1e-5
     assert source.trouble == ""
@@ -76,7 +78,7 @@ def test_compressed_images_arrive(graph: tuple[Bus, str], topic: Callable[..., R
     def data() -> bytes:
         return foreign.compressed(picture(4), stamp_ns=now_ns())
 
-    assert sent(graph[0], source, data, lambda frame: frame is not None and number_of(frame.image) == 4)
+    assert send_until(graph[0], source, data, lambda frame: frame is not None and number_of(frame.image) == 4)
 
 
 @pytest.mark.parametrize(("offset_s", "sign"), [(-3600, r"\+36"), (3600, "-3[56]")])
@@ -87,12 +89,12 @@ def test_stamps_of_another_clock_are_refused_unless_the_arrival_counts(
         return foreign.image(picture(6), "bgr8", stamp_ns=now_ns() + offset_s * 10**9)
 
     strict = topic()
-    assert sent(
+    assert send_until(
         graph[0], strict, data, lambda frame: frame is None and "differ from the clock" in strict.trouble
     )
     assert re.search(sign, strict.trouble)
     lenient = topic(stamp="arrival")
-    assert sent(
+    assert send_until(
         graph[0], lenient, data, lambda frame: frame is not None and abs(frame.t_s - time.time()) < 30
     )
 
@@ -101,13 +103,15 @@ def test_a_message_that_is_no_image_is_counted_and_the_next_image_arrives(
     graph: tuple[Bus, str], topic: Callable[..., RosTopic]
 ) -> None:
     source = topic()
-    assert sent(graph[0], source, lambda: b"\x00\x01\x00\x00nonsense", lambda _: source.values()[1][1] != "0")
+    assert send_until(
+        graph[0], source, lambda: b"\x00\x01\x00\x00nonsense", lambda _: source.values()[1][1] != "0"
+    )
     assert "not a sensor_msgs" in source.trouble
 
     def good() -> bytes:
         return foreign.image(picture(1), "bgr8", stamp_ns=now_ns())
 
-    assert sent(graph[0], source, good, lambda frame: frame is not None)
+    assert send_until(graph[0], source, good, lambda frame: frame is not None)
 
 
 def test_a_router_that_does_not_answer_is_named_with_the_remedy(topic: Callable[..., RosTopic]) -> None:

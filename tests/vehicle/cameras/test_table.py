@@ -20,14 +20,14 @@ def car(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def built(car: Path, text: str) -> CameraSource:
+def build_source(car: Path, text: str) -> CameraSource:
     (car / "camera_source.yaml").write_text(text)
     return table.build(drive(ManualClock()))[1]
 
 
 def test_the_settings_choose_a_source_and_the_car_overrides_its_fields(car: Path) -> None:
     folder_of(car / "frames", 3)
-    source = built(car, "source: folder\nfolder:\n  rate_hz: 10\n")  # the path is that of the default
+    source = build_source(car, "source: folder\nfolder:\n  rate_hz: 10\n")  # the path is that of the default
     assert isinstance(source, ImageFolder)
     frame = source.read(timeout_s=0.0)
     assert frame is not None and number_of(frame.image) == 0
@@ -62,7 +62,7 @@ def test_a_wrong_setting_is_named_with_its_place(
     car: Path, text: str, line: int | None, problem: str
 ) -> None:
     with pytest.raises(InputError) as error:
-        built(car, text)
+        build_source(car, text)
     message = str(error.value)
     file = CONFIG_DIR / "camera_source.yaml" if line is None else car / "camera_source.yaml"
     assert message.startswith(f"{file}:{'' if line is None else line}")
@@ -80,9 +80,9 @@ def test_another_package_adds_a_source(car: Path, monkeypatch: pytest.MonkeyPatc
     table.plugins.added_entry_points.cache_clear()
     try:
         folder = folder_of(car / "frames", 1)
-        source = built(car, f"source: thermal\nthermal:\n  path: {folder}\n")
+        source = build_source(car, f"source: thermal\nthermal:\n  path: {folder}\n")
         assert isinstance(source, ImageFolder)
         with pytest.raises(InputError, match="expected a block"):
-            built(car, "source: thermal\n")
+            build_source(car, "source: thermal\n")
     finally:
         table.plugins.added_entry_points.cache_clear()

@@ -14,17 +14,17 @@ BY_HAND = replace(INPUT, override=True, road_wheel_angle_rad=-0.2, accel_mps2=0.
 NOW_S = 10.0
 
 
-def decided(driver, *, age_s: float = 0.0, required: bool = False) -> Demand:
+def decide(driver, *, age_s: float = 0.0, required: bool = False) -> Demand:
     received_s = None if driver is None else NOW_S - age_s
     return arbitrate(COMMAND, 9.95, driver, received_s, required=required, timeout_s=TIMEOUT_S, now_s=NOW_S)
 
 
 def test_without_a_driver_the_controller_drives() -> None:
-    assert decided(None) == Demand(COMMAND, 9.95, False, "")
+    assert decide(None) == Demand(COMMAND, 9.95, False, "")
 
 
 def test_a_held_dead_mans_switch_lets_the_controller_drive() -> None:
-    assert decided(INPUT, required=True) == Demand(COMMAND, 9.95, False, "")
+    assert decide(INPUT, required=True) == Demand(COMMAND, 9.95, False, "")
 
 
 @pytest.mark.parametrize(
@@ -43,14 +43,14 @@ def test_a_held_dead_mans_switch_lets_the_controller_drive() -> None:
     ],
 )
 def test_nobody_drives_without_a_present_permitting_driver(driver, age_s, required, reason) -> None:
-    demand = decided(driver, age_s=age_s, required=required)
+    demand = decide(driver, age_s=age_s, required=required)
     assert demand.command is None
     assert not demand.override
     assert reason in demand.reason
 
 
 def test_the_demand_of_an_overriding_driver_replaces_the_command() -> None:
-    demand = decided(BY_HAND)
+    demand = decide(BY_HAND)
     assert demand.override
     assert demand.received_s == NOW_S
     assert demand.command == Command(
@@ -59,7 +59,7 @@ def test_the_demand_of_an_overriding_driver_replaces_the_command() -> None:
 
 
 def test_a_driver_who_does_not_steer_leaves_the_angle_and_its_stamps_to_the_controller() -> None:
-    demand = decided(replace(BY_HAND, road_wheel_angle_rad=None, accel_mps2=-1.0))
+    demand = decide(replace(BY_HAND, road_wheel_angle_rad=None, accel_mps2=-1.0))
     assert demand == Demand(replace(COMMAND, speed_mps=1.0, accel_mps2=-1.0), 9.95, True, "")
 
 
@@ -74,6 +74,6 @@ def test_an_override_is_reported_in_the_state() -> None:
     state = VehicleState(
         t_s=NOW_S, speed_mps=1.0, road_wheel_angle_rad=0.0, yaw_rate_radps=None, driver_override=False
     )
-    assert report_override(state, decided(BY_HAND)).driver_override
-    assert report_override(state, decided(INPUT)) == state
-    assert report_override(replace(state, driver_override=True), decided(INPUT)).driver_override
+    assert report_override(state, decide(BY_HAND)).driver_override
+    assert report_override(state, decide(INPUT)) == state
+    assert report_override(replace(state, driver_override=True), decide(INPUT)).driver_override

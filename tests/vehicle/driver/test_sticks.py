@@ -14,7 +14,7 @@ from vehicle.driver.sticks import INPUT_EVENT, JS_INIT, SYN_DROPPED, DriverInput
 PAD, KEYS = SETTINGS.gamepad, SETTINGS.keyboard
 
 
-class Plugged:
+class PluggedDevice:
     """A device at a path, and the end of the kernel."""
 
     def __init__(self, path: Path, kind: DeviceKind) -> None:
@@ -37,15 +37,15 @@ class Plugged:
 
 
 @pytest.fixture
-def pad(tmp_path) -> Iterator[Plugged]:
-    made = Plugged(tmp_path / "js0", DeviceKind.GAMEPAD)
+def pad(tmp_path) -> Iterator[PluggedDevice]:
+    made = PluggedDevice(tmp_path / "js0", DeviceKind.GAMEPAD)
     yield made
     made.input.close()
 
 
 @pytest.fixture
-def keys(tmp_path) -> Iterator[Plugged]:
-    made = Plugged(tmp_path / "event0", DeviceKind.KEYBOARD)
+def keys(tmp_path) -> Iterator[PluggedDevice]:
+    made = PluggedDevice(tmp_path / "event0", DeviceKind.KEYBOARD)
     yield made
     made.input.close()
 

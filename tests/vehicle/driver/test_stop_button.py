@@ -16,7 +16,7 @@ UNKNOWN = state(speed_mps=None)
 SCRIPTED = frozenset({"speed_mps", "road_wheel_angle_rad", "yaw_rate_radps"})  # states of no car: range only
 
 
-def pressed() -> StopButton:
+def press() -> StopButton:
     button = StopButton(standstill_mps=0.05)
     button.hear(STOP, MOVES, now_s=0.0)
     return button
@@ -30,7 +30,7 @@ def test_without_a_request_every_command_passes():
 
 
 def test_a_moving_car_is_stopped_with_steering_and_a_standing_one_gets_no_command():
-    button = pressed()
+    button = press()
     assert button.stops and button.permit(command()) is not None
     button.hear(None, STANDS, now_s=9.0)
     assert not button.stops and button.permit(command()) is None and button.held
@@ -38,7 +38,7 @@ def test_a_moving_car_is_stopped_with_steering_and_a_standing_one_gets_no_comman
 
 @pytest.mark.parametrize("seen", [MOVES, UNKNOWN, None])
 def test_a_release_counts_only_at_a_known_standstill(seen):
-    button = pressed()
+    button = press()
     button.hear(RELEASE, seen, now_s=0.0)
     assert button.held and button.stops
     button.hear(RELEASE, STANDS, now_s=0.0)
@@ -46,7 +46,7 @@ def test_a_release_counts_only_at_a_known_standstill(seen):
 
 
 def test_an_old_release_is_not_heard_and_an_old_stop_is():
-    button = pressed()
+    button = press()
     button.hear(RELEASE, STANDS, now_s=OLDEST_S + 0.1)
     assert button.held
     button = StopButton(standstill_mps=0.05)

@@ -34,7 +34,7 @@ def state(speed_mps=5.0, wheel_rad=0.0, yaw_radps=0.0, t_s=0.0, **others):
     )
 
 
-def driven(
+def drive_checked(
     steer, accel=lambda t_s: 0.0, *, duration_s=6.0, wrong=None, from_s=3.0, speed_mps=5.0, plant=None
 ):
     """A true car under commands of the time, behind sensors that are ``wrong(state, first)`` from ``from_s`` on.
@@ -64,7 +64,7 @@ def driven(
     return judged
 
 
-def doubted(judged):
+def doubted_names(judged):
     return {name for _, one in judged for name in one.state.doubted}
 
 
@@ -118,12 +118,12 @@ def test_a_quantity_is_named_exactly_when_it_has_been_reported_and_is_absent(val
 def test_a_true_car_is_believed_with_any_steering_offset_that_the_learner_takes(
     model, amplitude_rad, frequency_hz, accel_mps2, offset_rad
 ):
-    judged = driven(
+    judged = drive_checked(
         lambda t_s: amplitude_rad * math.sin(2 * math.pi * frequency_hz * t_s) - offset_rad,
         lambda t_s: accel_mps2,
         plant=PlantSettings(model=model, steering_offset_rad=offset_rad),
     )
-    assert doubted(judged) == set()
+    assert doubted_names(judged) == set()
 
 
 def bend(t_s):
@@ -158,8 +158,8 @@ def test_a_wrong_sensor_is_named_within_a_second_and_says_nothing_more(name):
     def steer(t_s):
         return bend(t_s) + 0.02 * math.sin(3.0 * t_s)
 
-    judged = driven(steer, lambda t_s: 0.5 * math.sin(t_s), wrong=wrong)
-    assert not doubted([pair for pair in judged if pair[0] < 3.0])
+    judged = drive_checked(steer, lambda t_s: 0.5 * math.sin(t_s), wrong=wrong)
+    assert not doubted_names([pair for pair in judged if pair[0] < 3.0])
     late = [one.state for now_s, one in judged if now_s >= 4.0]
     assert all(names <= set(one.doubted) for one in late)
     assert all(getattr(one, field) is None for one in late for field in names)
@@ -180,7 +180,7 @@ def noisy(wrong=lambda s, _: s, seed=0):
     """``wrong`` behind sensors with the noise of the simulated car."""
     noise, generator = load_simulator(), np.random.default_rng(seed)
 
-    def measured(state, first):
+    def measure(state, first):
         angle, rate = generator.standard_normal(2)
         seen = replace(
             state,
@@ -189,14 +189,14 @@ def noisy(wrong=lambda s, _: s, seed=0):
         )
         return wrong(seen, first)
 
-    return measured
+    return measure
 
 
 @pytest.mark.parametrize("speed_mps", [5.0, 15.0])
 @pytest.mark.parametrize("name", SMALL)
 def test_a_wrong_sign_or_a_swapped_sensor_is_named_from_small_movements(name, speed_mps):
     wrong, field = SMALL[name]
-    judged = driven(
+    judged = drive_checked(
         lambda t_s: SMALL_RAD * math.sin(2 * math.pi * SLOW_HZ * t_s),
         wrong=noisy(wrong),
         from_s=0.0,
@@ -205,24 +205,24 @@ def test_a_wrong_sign_or_a_swapped_sensor_is_named_from_small_movements(name, sp
     )
     assert field in judged[-1][1].state.doubted
     only = {WHEEL, YAW} if name == "swapped" else {field}
-    assert doubted(judged) <= only
+    assert doubted_names(judged) <= only
 
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("amplitude_rad", [0.0, 0.0003, 0.003])
 def test_small_movements_behind_noise_leave_a_true_car_believed(amplitude_rad, seed):
-    judged = driven(
+    judged = drive_checked(
         lambda t_s: amplitude_rad * math.sin(2 * math.pi * (0.3 + 0.3 * seed) * t_s),
         wrong=noisy(seed=seed),
         from_s=0.0,
         duration_s=10.0,
     )
-    assert doubted(judged) == set()
+    assert doubted_names(judged) == set()
 
 
 def test_a_single_wrong_value_takes_nothing_but_itself():
     times = iter(range(1_000_000))
-    judged = driven(
+    judged = drive_checked(
         bend, wrong=lambda s, _: replace(s, speed_mps=12.0) if next(times) == 0 else s, duration_s=4.0
     )
     assert sum(SPEED in one.state.doubted for _, one in judged) == 1
@@ -238,13 +238,13 @@ def test_a_wheel_that_a_driver_holds_is_no_wrong_measurement():
         noise = s.road_wheel_angle_rad
         return replace(s, road_wheel_angle_rad=wheel + noise, yaw_rate_radps=rate * wheel / held + noise)
 
-    judged = driven(lambda t_s: 0.0, wrong=true_at_the_held_angle)
-    assert doubted(judged) == set()
+    judged = drive_checked(lambda t_s: 0.0, wrong=true_at_the_held_angle)
+    assert doubted_names(judged) == set()
 
 
 def test_a_standing_car_that_yaws_is_contradicted():
-    judged = driven(lambda t_s: 0.0, wrong=lambda s, _: replace(s, yaw_rate_radps=0.3), speed_mps=0.0)
-    assert doubted(judged) == {YAW}
+    judged = drive_checked(lambda t_s: 0.0, wrong=lambda s, _: replace(s, yaw_rate_radps=0.3), speed_mps=0.0)
+    assert doubted_names(judged) == {YAW}
 
 
 def test_a_computed_quantity_is_checked_by_its_range_only():
@@ -307,4 +307,4 @@ def test_a_speed_that_jumps_holds_only_where_the_car_was_moved_by_hand(restarted
         seen = state(speed_mps + 1e-6 * math.sin(1000.0 * k), 1e-6 * math.sin(k), 1e-6 * math.cos(k), now_s)
         judged.append((now_s, check.step(seen, now_s=now_s)))
         check.add_command(Command(t_s=now_s, road_wheel_angle_rad=0.0, speed_mps=5.0, accel_mps2=0.0))
-    assert (SPEED in doubted(judged)) is not restarted
+    assert (SPEED in doubted_names(judged)) is not restarted

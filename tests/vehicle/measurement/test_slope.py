@@ -22,7 +22,9 @@ PERIOD_S, FILTER_S = 0.01, 0.15
 NOISE_RAD = 0.0005
 
 
-def compared(true_slope, *, offset=0.0, seconds=10.0, seed=0, amplitude=0.002, witnessed_slope=1.0) -> Slope:
+def compare_slopes(
+    true_slope, *, offset=0.0, seconds=10.0, seed=0, amplitude=0.002, witnessed_slope=1.0
+) -> Slope:
     """y = true_slope·x + offset + noise; the witness is w = witnessed_slope·x with noise of its own."""
     found, generator = Slope(LIMITS, filter_s=FILTER_S), np.random.default_rng(seed)
     for k in range(round(seconds / PERIOD_S)):
@@ -35,14 +37,14 @@ def compared(true_slope, *, offset=0.0, seconds=10.0, seed=0, amplitude=0.002, w
 @given(st.floats(-3.0, -0.5) | st.floats(3.0, 6.0), st.floats(-0.1, 0.1), st.integers(0, 1000))
 @settings(max_examples=25, deadline=None)
 def test_the_interval_holds_the_true_slope_whatever_the_offset(true_slope, offset, seed):
-    least, most = compared(true_slope, offset=offset, seed=seed).interval
+    least, most = compare_slopes(true_slope, offset=offset, seed=seed).interval
     assert least <= true_slope <= most
     assert most - least < 0.5
 
 
 def test_the_interval_grows_with_the_noise_and_shrinks_with_time():
-    short, long = (compared(-1.0, seconds=seconds).interval for seconds in (4.0, 8.0))
-    small, large = (compared(-1.0, amplitude=amplitude).interval for amplitude in (0.0005, 0.002))
+    short, long = (compare_slopes(-1.0, seconds=seconds).interval for seconds in (4.0, 8.0))
+    small, large = (compare_slopes(-1.0, amplitude=amplitude).interval for amplitude in (0.0005, 0.002))
     assert long[1] - long[0] < short[1] - short[0]
     assert large[1] - large[0] < small[1] - small[0]
 
@@ -50,9 +52,9 @@ def test_the_interval_grows_with_the_noise_and_shrinks_with_time():
 @pytest.mark.parametrize(
     "found",
     [
-        compared(-1.0, seconds=3.0),
-        compared(-1.0, amplitude=0.5 * LIMITS.moved_rad),
-        compared(-1.0, witnessed_slope=-1.0),
+        compare_slopes(-1.0, seconds=3.0),
+        compare_slopes(-1.0, amplitude=0.5 * LIMITS.moved_rad),
+        compare_slopes(-1.0, witnessed_slope=-1.0),
         Slope(LIMITS, filter_s=FILTER_S),
     ],
     ids=["few values", "no movement", "a witness of the measurement", "nothing"],

@@ -83,12 +83,12 @@ def test_a_command_reaches_the_graph_unchanged_with_its_stamp_and_the_node_is_de
             poses = graph.declare_subscriber("0/tf_static/**", zenoh.handlers.RingChannel(1))
             found = []
 
-            def arrived() -> bool:
+            def has_arrived() -> bool:
                 drive.send(command(123.5))
                 found.append(commands.try_recv())
                 return found[-1] is not None
 
-            assert until(arrived, patience_s=20)
+            assert until(has_arrived, patience_s=20)
             key = str(found[-1].key_expr)
             assert key.endswith(f"AckermannDriveStamped_/{STORE.hash_rihs01(ros_name(Command))}")
             assert from_cdr(found[-1].payload.to_bytes(), Command) == command(123.5)
@@ -113,13 +113,13 @@ def test_the_limited_command_reaches_a_driver_in_the_graph_and_its_odometry_the_
         send = node.publisher(RosTopic("/odom", ros_name(Odometry)))
         commands = []
 
-        def exchanged() -> bool:
+        def has_exchanged() -> bool:
             limited(command(123.5))
             send(to_cdr(Odometry(t_s=7.0, speed_mps=2.5, yaw_rate_radps=0.1)), time.time())
             commands.extend(filter(None, [heard()]))
             return bool(commands) and reports.refresh() is not None
 
-        assert until(exchanged, patience_s=20)
+        assert until(has_exchanged, patience_s=20)
     assert from_cdr(commands[0], Command) == command(123.5)
     assert (reports.message.t_s, reports.message.speed_mps) == (7.0, 2.5)
 

@@ -12,7 +12,7 @@ from lab.bench.foreign.opendrive import apart_m, centre, count_lanes, length_m, 
 ARC = '<arc curvature="0.02"/>'
 
 
-def written(
+def write_road(
     path: Path, shape: str, *, width: str = 'a="3.5" b="0" c="0" d="0"', long_m: float = 60.0
 ) -> Path:
     path.write_text(
@@ -29,7 +29,7 @@ def middle(path: Path) -> np.ndarray:
 
 
 def test_the_centre_of_a_lane_along_an_arc_is_an_arc_of_another_radius(tmp_path: Path) -> None:
-    line = middle(written(tmp_path / "a.xodr", ARC))
+    line = middle(write_road(tmp_path / "a.xodr", ARC))
     pivot = np.array([3.0, 4.0]) + 50.0 * np.array([-math.sin(0.5), math.cos(0.5)])
     assert np.hypot(*(line - pivot).T) == pytest.approx(50.0 + 1.75, abs=1e-4)
     assert length_m(line) == pytest.approx(60.0 * (1 + 0.02 * 1.75), rel=1e-5)
@@ -46,17 +46,17 @@ def test_the_centre_of_a_lane_along_an_arc_is_an_arc_of_another_radius(tmp_path:
     ],
 )  # fmt: skip
 def test_an_imported_lane_lies_on_its_evaluation(tmp_path: Path, shape: str) -> None:
-    found = count_lanes(written(tmp_path / "a.xodr", shape))
+    found = count_lanes(write_road(tmp_path / "a.xodr", shape))
     assert (found["lanes"], found["imported"], found["close"], found["cut"]) == (1, 1, 1, 0)
 
 
 def test_a_lane_that_closes_is_cut_and_still_close(tmp_path: Path) -> None:
-    found = count_lanes(written(tmp_path / "a.xodr", ARC, width='a="3.5" b="-0.0583333" c="0" d="0"'))
+    found = count_lanes(write_road(tmp_path / "a.xodr", ARC, width='a="3.5" b="-0.0583333" c="0" d="0"'))
     assert (found["imported"], found["cut"], found["close"]) == (1, 1, 1)
 
 
 def test_a_lane_that_bends_within_a_metre_is_refused_and_tight(tmp_path: Path) -> None:
-    found = count_lanes(written(tmp_path / "a.xodr", '<arc curvature="-0.5"/>', long_m=3.0))
+    found = count_lanes(write_road(tmp_path / "a.xodr", '<arc curvature="-0.5"/>', long_m=3.0))
     assert (found["lanes"], found["imported"], found["refused"], found["tight"]) == (1, 0, 1, 1)
 
 

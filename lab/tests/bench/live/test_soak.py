@@ -13,7 +13,7 @@ from trepid.topics import VEHICLE_STATE
 from trepid.wire import to_cdr
 
 
-def numbered(number: int) -> Stamp:
+def stamp(number: int) -> Stamp:
     return Stamp(number, 100.0 + 0.01 * number, b"vehicle")
 
 
@@ -31,27 +31,27 @@ def recording(tmp_path: Path) -> Path:
                 driver_override=False,
             )
             if number not in (20, 21):
-                file.add(VEHICLE_STATE.key, to_cdr(state), at_s=numbered(number).published_s)
+                file.add(VEHICLE_STATE.key, to_cdr(state), at_s=stamp(number).published_s)
             if number in (10, 20):
-                file.add("supervisor/decision", b"", at_s=numbered(number).published_s)
+                file.add("supervisor/decision", b"", at_s=stamp(number).published_s)
     return path
 
 
 def test_a_message_that_the_recording_lacks_is_lost(recording: Path) -> None:
     key = VEHICLE_STATE.key
-    found = count_recorded(recording, {key: numbered(5)}, {key: numbered(45)})
+    found = count_recorded(recording, {key: stamp(5)}, {key: stamp(45)})
     assert found == {key: {"messages": 41, "lost": 2}}
 
 
 def test_messages_outside_the_window_do_not_count(recording: Path) -> None:
     key = VEHICLE_STATE.key
-    found = count_recorded(recording, {key: numbered(22)}, {key: numbered(30)})
+    found = count_recorded(recording, {key: stamp(22)}, {key: stamp(30)})
     assert found == {key: {"messages": 9, "lost": 0}}
 
 
 def test_numbers_of_a_publisher_that_was_started_anew_count_nothing(recording: Path) -> None:
     key = VEHICLE_STATE.key
-    found = count_recorded(recording, {key: numbered(22)}, {key: numbered(30)._replace(publisher=b"another")})
+    found = count_recorded(recording, {key: stamp(22)}, {key: stamp(30)._replace(publisher=b"another")})
     assert found == {key: {"messages": None, "lost": None}}
 
 

@@ -61,16 +61,16 @@ def test_a_cut_recording_is_readable_up_to_its_last_whole_record(drive: Path, tm
 
 
 @pytest.fixture
-def broken(tmp_path: Path) -> Path:
+def broken_file(tmp_path: Path) -> Path:
     path = tmp_path / "broken.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + bytes(500))
     return path
 
 
 def test_recordings_that_are_not_readable_are_counted_with_nothing_left(
-    drive: Path, broken: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    drive: Path, broken_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    files = iter([broken.read_bytes(), drive.read_bytes(), b""])
+    files = iter([broken_file.read_bytes(), drive.read_bytes(), b""])
 
     def leave(_: Path, path: Path, __: float) -> tuple[int, float]:
         path.write_bytes(next(files))
@@ -81,17 +81,17 @@ def test_recordings_that_are_not_readable_are_counted_with_nothing_left(
     assert (row["recordings"], row["not readable"]) == (3, 2)
     assert row["messages readable of those written, least [%]"] == 0.0
     assert row["length of the drive, median [s]"] is not None
-    row = cut(broken, tmp_path, 2, np.random.default_rng(2))
+    row = cut(broken_file, tmp_path, 2, np.random.default_rng(2))
     assert (row["not readable"], row["bytes readable, mean [%]"]) == (2, 0.0)
 
 
 def test_the_moments_of_a_recording_that_is_not_readable_have_no_answer(
-    drive: Path, broken: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    drive: Path, broken_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bench, "random_recordings", lambda *_: [("whole", drive), ("cut", broken)])
+    monkeypatch.setattr(bench, "random_recordings", lambda *_: [("whole", drive), ("cut", broken_file)])
     row = measure_answers(tmp_path, 2, np.random.default_rng(1))
     assert (row["not readable"], row["moments"], row["answered [%]"]) == (1, 40, 50.0)
-    monkeypatch.setattr(bench, "random_recordings", lambda *_: [("cut", broken)])
+    monkeypatch.setattr(bench, "random_recordings", lambda *_: [("cut", broken_file)])
     assert measure_answers(tmp_path, 1, np.random.default_rng(1))["answered [%]"] == 0.0
 
 

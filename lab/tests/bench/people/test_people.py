@@ -112,11 +112,11 @@ def test_an_interrupted_benchmark_drives_only_what_is_left(
 ) -> None:
     path, drawn, driven = tmp_path / "people.jsonl", cases(STEP_OUT, 1, 3), []
 
-    def counted(case: Encounter, *, sensor: str) -> dict[str, object]:
+    def count_case(case: Encounter, *, sensor: str) -> dict[str, object]:
         driven.append((case.aside_m, sensor))
         return ended()
 
-    monkeypatch.setattr("lab.bench.people.bench.drive", counted)
+    monkeypatch.setattr("lab.bench.people.bench.drive", count_case)
     first = _drive_cases(drawn[:2], TRUTH, path, jobs=1)
     again = _drive_cases(drawn, TRUTH, path, jobs=1)
     assert driven == [(case.aside_m, TRUTH) for case in drawn]

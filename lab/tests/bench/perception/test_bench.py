@@ -192,7 +192,7 @@ def test_perfect_confidence_has_an_auroc_of_1_and_no_calibration_error() -> None
     assert row["ece"] == 0.0
 
 
-def watched_with(rows: np.ndarray, in_gap: bool = False) -> WatchedClip:
+def clip_with(rows: np.ndarray, in_gap: bool = False) -> WatchedClip:
     truth = np.zeros(len(rows), TRUTH)
     truth["in_gap"] = in_gap
     return WatchedClip(truth, {"a": rows})
@@ -201,7 +201,7 @@ def watched_with(rows: np.ndarray, in_gap: bool = False) -> WatchedClip:
 def test_the_drift_in_a_gap_is_its_greatest_offset() -> None:
     cases = [replace(CASE, condition=GAP, number=n) for n in range(2)]
     results = {
-        case: watched_with(looks(offset_m=np.linspace(0, end, 20)), in_gap=True)
+        case: clip_with(looks(offset_m=np.linspace(0, end, 20)), in_gap=True)
         for case, end in zip(cases, (0.1, -0.3), strict=True)
     }
     found = gap_figures(results, "a")
@@ -212,7 +212,7 @@ def test_the_drift_in_a_gap_is_its_greatest_offset() -> None:
 def test_bias_with_one_line_does_not_cancel_between_roads() -> None:
     cases = [replace(CASE, kind=MarkingKind.ONE_LINE, number=n) for n in range(2)]
     results = {
-        case: watched_with(looks(angle_rad=angle))
+        case: clip_with(looks(angle_rad=angle))
         for case, angle in zip(cases, np.radians([1.0, -1.0]), strict=True)
     }
     found = one_line_figures(results, "a")

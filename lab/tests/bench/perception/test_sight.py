@@ -10,7 +10,7 @@ from sim_harness.world.sight_truth import SightDistance
 from trepid.causes import Cause
 
 
-def looked(
+def sample(
     seen_m: float | None, true_m: float, *, sigma_m: float = 10.0, cause: str = "", true: str = ""
 ) -> SightSample:
     seen = replace(clear_view(0.0), sight_m=seen_m, sight_sigma_m=sigma_m, sight_cause=cause)
@@ -19,10 +19,10 @@ def looked(
 
 def test_scores_are_those_of_hand_made_frames() -> None:
     found = [
-        looked(100.0, 100.0, cause="fog", true=Cause.FOG),
-        looked(115.0, 100.0, cause="fog", true=Cause.FOG),
-        looked(150.0, 100.0, cause="", true=Cause.FOG),
-        looked(None, 100.0),
+        sample(100.0, 100.0, cause="fog", true=Cause.FOG),
+        sample(115.0, 100.0, cause="fog", true=Cause.FOG),
+        sample(150.0, 100.0, cause="", true=Cause.FOG),
+        sample(None, 100.0),
     ]
     row = scores(found)
     assert row["frames"] == 4 and row["absent_percent"] == 25.0

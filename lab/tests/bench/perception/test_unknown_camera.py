@@ -13,7 +13,7 @@ from sim_harness.footage.clip import MPS_PER_MPH
 SEED = 3
 
 
-def seen(height: float, sigma: float = 0.04) -> BeliefError:
+def belief(height: float, sigma: float = 0.04) -> BeliefError:
     return BeliefError(height=height, height_sigma=sigma, focal=-0.02, horizon_rad=0.001, yaw_rad=-0.002)
 
 
@@ -33,8 +33,8 @@ def test_the_measured_odometry_is_that_of_the_drive_with_small_errors():
 
 def test_the_scores_are_shares_and_medians_over_the_drives():
     drives = [
-        WatchedDrive(StateOdometry.WAY, (seen(0.2), seen(0.03), seen(0.01)), 0.8, 0.1),
-        WatchedDrive(StateOdometry.WAY, (seen(0.2), seen(0.1), seen(-0.09)), 0.6, -0.3),
+        WatchedDrive(StateOdometry.WAY, (belief(0.2), belief(0.03), belief(0.01)), 0.8, 0.1),
+        WatchedDrive(StateOdometry.WAY, (belief(0.2), belief(0.1), belief(-0.09)), 0.6, -0.3),
     ]
     scores = unknown_camera._scores(drives)
     assert scores["height_within_5_percent_after_2_s_percent"] == 0.0

@@ -26,7 +26,7 @@ def between(left: PixelPath, right: PixelPath) -> SteeringEstimate:
     return replace(NOTHING, left_boundary_px=left, right_boundary_px=right)
 
 
-def labelled(label: np.ndarray, path: Path) -> Picture:
+def labelled_picture(label: np.ndarray, path: Path) -> Picture:
     cv2.imwrite(str(path), label)
     return Picture("a", 0.0, np.zeros((*label.shape[:2], 3), np.uint8), CAMERA, label=path)
 
@@ -46,7 +46,7 @@ def test_tusimple_counts_points_within_twenty_pixels_of_the_ego_lines(
     label = np.zeros((720, 1280), np.uint8)
     for value, column in ((20, 100), (70, 400), (120, 880), (170, 1200)):
         label[:, column - 2 : column + 3] = value
-    counts = line_counts(labelled(label, tmp_path / "0.png"), between(left, right))
+    counts = line_counts(labelled_picture(label, tmp_path / "0.png"), between(left, right))
     assert counts == {
         "points": 90,
         "right_points": right_points,
@@ -60,7 +60,7 @@ def test_a_lane_overlaps_with_the_road_where_the_label_is_known(tmp_path: Path) 
     label = np.zeros((100, 100), np.uint8)
     label[50:, 20:60] = 3
     label[:50] = 11  # void: not counted
-    picture = labelled(label, tmp_path / "0.png")
+    picture = labelled_picture(label, tmp_path / "0.png")
     found = between(upright(40, 100), upright(79, 100))
     row = _answer(found, picture, Labels.ROAD, road(picture))
     assert (row["iou"], row["inside"]) == pytest.approx((20 / 60, 0.5))
@@ -76,7 +76,7 @@ def test_the_ego_lane_is_magenta_and_an_estimate_of_nothing_does_not_answer(tmp_
     label = np.zeros((100, 100, 3), np.uint8)
     label[..., 2] = 255
     label[:, 20:60] = (255, 0, 255)
-    picture = labelled(label, tmp_path / "0.png")
+    picture = labelled_picture(label, tmp_path / "0.png")
     truth = ego_lane(picture)
     assert _answer(between(upright(20, 100), upright(59, 100)), picture, Labels.LANE, truth)["iou"] == 1.0
     assert not _answer(NOTHING, picture, Labels.LANE, truth)["answered"]

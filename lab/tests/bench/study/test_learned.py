@@ -35,7 +35,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Dataset:
 
 
 @pytest.fixture
-def asked(data: Dataset, monkeypatch: pytest.MonkeyPatch) -> list[Variant]:
+def asked_variants(data: Dataset, monkeypatch: pytest.MonkeyPatch) -> list[Variant]:
     """The variants that a study asks for, without any training."""
     found: list[Variant] = []
 
@@ -47,23 +47,27 @@ def asked(data: Dataset, monkeypatch: pytest.MonkeyPatch) -> list[Variant]:
     return found
 
 
-def test_every_recipe_of_every_study_is_valid_and_differs_from_the_others(asked: list[Variant]) -> None:
+def test_every_recipe_of_every_study_is_valid_and_differs_from_the_others(
+    asked_variants: list[Variant],
+) -> None:
     for name in ("data", "size", "initialisation", "histogram", "deep_steer"):
-        first = len(asked)
+        first = len(asked_variants)
         getattr(learned, f"bench_{name}")(seed=3)
-        recipes = [load_recipe(one.model, None, overrides=dict(one.changes)) for one in asked[first:]]
-        assert len({(one.model, one.changes) for one in asked[first:]}) == len(recipes)
+        recipes = [
+            load_recipe(one.model, None, overrides=dict(one.changes)) for one in asked_variants[first:]
+        ]
+        assert len({(one.model, one.changes) for one in asked_variants[first:]}) == len(recipes)
         assert {recipe.seed for recipe in recipes} == ({3, 4, 5} if name == "data" else {3})
 
 
-def test_small_shares_take_about_as_many_steps(asked: list[Variant]) -> None:
+def test_small_shares_take_about_as_many_steps(asked_variants: list[Variant]) -> None:
     bench_data(seed=0)
-    recipes = [load_recipe(one.model, None, overrides=dict(one.changes)) for one in asked]
+    recipes = [load_recipe(one.model, None, overrides=dict(one.changes)) for one in asked_variants]
     steps = [recipe.frames_share * recipe.stages[0].epochs for recipe in recipes]
     assert steps[2:7] == pytest.approx([learned.EPOCHS] * 5, rel=0.05)
 
 
-def test_a_share_has_the_mean_error_of_its_trainings(asked: list[Variant]) -> None:
+def test_a_share_has_the_mean_error_of_its_trainings(asked_variants: list[Variant]) -> None:
     tables = bench_data(seed=0)
     each = tables["each training, mae_deg"]
     assert each["1%"] == {"training 1": 1.0, "training 2": 8.0, "training 3": 15.0}
@@ -72,10 +76,10 @@ def test_a_share_has_the_mean_error_of_its_trainings(asked: list[Variant]) -> No
     ]
 
 
-def test_a_study_that_is_started_again_trains_nothing_twice(asked: list[Variant]) -> None:
+def test_a_study_that_is_started_again_trains_nothing_twice(asked_variants: list[Variant]) -> None:
     before = bench_histogram(seed=0)
-    count = len(asked)
-    assert bench_histogram(seed=0) == before and len(asked) == count == 9
+    count = len(asked_variants)
+    assert bench_histogram(seed=0) == before and len(asked_variants) == count == 9
 
 
 TINY = dict(stages=one_stage(1, 1.0e-3), height_px="24", width_px="32", batch="16")
@@ -123,7 +127,7 @@ def test_weights_are_used_again_only_with_the_code_that_trained_them(
     assert (len(trained), len(judged)) == (1 + trained_again, 1 + judged_again)
 
 
-def test_the_table_of_the_paper_stands_beside_ours(asked: list[Variant]) -> None:
+def test_the_table_of_the_paper_stands_beside_ours(asked_variants: list[Variant]) -> None:
     rows = bench_deep_steer(seed=0)["mean absolute error"]
     assert rows["InceptionV3, paper"]["unseen_deg"] == 4.25 and rows["RNN, paper"]["unseen_deg"] == 3.82
     assert set(BESIDE_PAPER) < set(rows)

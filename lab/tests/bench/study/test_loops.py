@@ -25,7 +25,7 @@ class Follower:
         return Command(t_s=now_s, road_wheel_angle_rad=0.0, speed_mps=0.0, accel_mps2=0.0)
 
 
-def watched(rate_hz: float, *, queue: bool, duration_s: float = 4.0) -> tuple[Follower, SlowNetwork]:
+def follow_frames(rate_hz: float, *, queue: bool, duration_s: float = 4.0) -> tuple[Follower, SlowNetwork]:
     """The frames that are followed when frames come at ``rate_hz``, in steps of 20 ms."""
     follower = Follower()
     network = SlowNetwork(follower, queue=queue)
@@ -37,15 +37,15 @@ def watched(rate_hz: float, *, queue: bool, duration_s: float = 4.0) -> tuple[Fo
 
 @pytest.mark.parametrize("queue", [True, False])
 def test_every_frame_is_followed_after_the_time_of_the_network(queue: bool) -> None:
-    follower, network = watched(5.0, queue=queue)
+    follower, network = follow_frames(5.0, queue=queue)
     assert follower.frames_s[: round(NETWORK_S / 0.02)] == [None] * round(NETWORK_S / 0.02)
     assert {f for f in follower.frames_s if f is not None} == {n / 5 for n in range(20)}
     assert network.oldest_s == pytest.approx(NETWORK_S, abs=0.021)
 
 
 def test_twice_as_many_frames_as_the_network_takes_age_in_a_queue_but_not_by_latest_wins() -> None:
-    _, queued = watched(20.0, queue=True)
-    _, newest = watched(20.0, queue=False)
+    _, queued = follow_frames(20.0, queue=True)
+    _, newest = follow_frames(20.0, queue=False)
     assert queued.oldest_s == pytest.approx(2.0, abs=0.2), "half of 4 s"
     assert newest.oldest_s < NETWORK_S + 0.05 + 0.021
 

@@ -18,7 +18,7 @@ def line(place_m: float, camera=CAMERA, lane=STRAIGHT) -> tuple[tuple[float, flo
     return tuple((float(np.interp(row, pixels[::-1, 1], pixels[::-1, 0])), float(row)) for row in rows)
 
 
-def dashed(period_m: float, dash_m: float, *, shift_m: float = 0.0, camera=CAMERA):
+def dashed_line(period_m: float, dash_m: float, *, shift_m: float = 0.0, camera=CAMERA):
     image = road(STRAIGHT, left=None, camera=camera)
     fine = 0.1
     for start in np.arange(-period_m + shift_m, 60.0, period_m):
@@ -36,7 +36,7 @@ def dashed(period_m: float, dash_m: float, *, shift_m: float = 0.0, camera=CAMER
 @pytest.mark.parametrize(("period_m", "dash_m"), [(12.2, 3.05), (9.0, 3.0), (6.0, 2.0), (9.0, 5.0)])
 def test_the_period_on_the_road_is_measured_in_the_frames_that_show_it(period_m, dash_m):
     camera = CAMERA.resize(960, 720)
-    images = [dashed(period_m, dash_m, shift_m=period_m * n / 12, camera=camera) for n in range(12)]
+    images = [dashed_line(period_m, dash_m, shift_m=period_m * n / 12, camera=camera) for n in range(12)]
     found = [dash_period(image, line(1.7, camera), camera.horizon_row_px) for image in images]
     periods = np.array([one for one in found if one is not None])
     assert len(periods) >= 4
@@ -44,7 +44,7 @@ def test_the_period_on_the_road_is_measured_in_the_frames_that_show_it(period_m,
 
 
 def test_the_mirrored_line_has_the_same_period():
-    image = dashed(6.0, 2.0)
+    image = dashed_line(6.0, 2.0)
     path = line(1.7)
     mirrored = tuple((CAMERA.width_px - 1 - x, y) for x, y in path)
     one = dash_period(image, path, CAMERA.horizon_row_px)
@@ -53,14 +53,14 @@ def test_the_mirrored_line_has_the_same_period():
 
 
 def test_a_darker_image_has_the_same_period():
-    image = dashed(6.0, 2.0)
+    image = dashed_line(6.0, 2.0)
     one, other = (dash_period(picture, line(1.7), CAMERA.horizon_row_px) for picture in (image, image // 2))
     assert one == pytest.approx(other, rel=0.03)
 
 
 def test_reflectors_between_the_dashes_do_not_count():
     camera = CAMERA.resize(960, 720)
-    image = dashed(12.0, 3.0, shift_m=3.0, camera=camera)
+    image = dashed_line(12.0, 3.0, shift_m=3.0, camera=camera)
     for stud_m in (9.0, 10.5, 12.0):
         ribbon(image, camera, STRAIGHT, 1.7, 0.12, WHITE, lambda station_m, at_m=stud_m: station_m == at_m)
     found = dash_period(image, line(1.7, camera), camera.horizon_row_px)
@@ -77,7 +77,7 @@ def test_no_dashes_have_no_period(image):
 
 
 def test_a_path_outside_the_image_or_above_the_horizon_has_no_period():
-    image = dashed(6.0, 2.0)
+    image = dashed_line(6.0, 2.0)
     assert dash_period(image, (), CAMERA.horizon_row_px) is None
     assert dash_period(image, ((-500.0, 230.0), (-400.0, 180.0)), CAMERA.horizon_row_px) is None
     assert dash_period(image, ((160.0, 60.0), (160.0, 20.0)), CAMERA.horizon_row_px) is None
@@ -87,7 +87,7 @@ def test_a_line_that_leaves_the_image_at_its_side_ends_no_dash_there():
     camera = CAMERA.resize(960, 720)
     periods = []
     for n in range(12):
-        image = dashed(9.0, 3.0, shift_m=0.75 * n, camera=camera)[:, 200:]
+        image = dashed_line(9.0, 3.0, shift_m=0.75 * n, camera=camera)[:, 200:]
         path = tuple((x - 200.0, y) for x, y in line(1.7, camera))
         periods.append(dash_period(np.ascontiguousarray(image), path, camera.horizon_row_px))
     known = [one * camera.fy_px * camera.height_m for one in periods if one is not None]

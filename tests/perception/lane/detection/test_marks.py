@@ -18,7 +18,7 @@ def paths(offset_m=0.0):
     return boundary_paths(state, CAMERA, reach_m=25.0)
 
 
-def found(image, offset_m=0.0):
+def marks_at(image, offset_m=0.0):
     return marks(image, *paths(offset_m))
 
 
@@ -36,7 +36,7 @@ def with_lamps(image, turned):
 
 
 def test_two_solid_lines_lie_along_both_boundaries_and_nothing_lies_inside():
-    seen = found(road(STRAIGHT))
+    seen = marks_at(road(STRAIGHT))
     assert seen.along > 0.6
     assert seen.inside < 0.05
     assert abs(seen.rough) < 0.4
@@ -44,20 +44,20 @@ def test_two_solid_lines_lie_along_both_boundaries_and_nothing_lies_inside():
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_paint_on_one_side_is_no_paint_along_both(side):
-    assert found(road(STRAIGHT, **{side: None}, other_lane=1 if side == "left" else -1)).along < 0.2
+    assert marks_at(road(STRAIGHT, **{side: None}, other_lane=1 if side == "left" else -1)).along < 0.2
 
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_reflections_of_lamps_on_the_surface_are_marks_that_the_boundaries_do_not_explain(turned):
     clean, lit = road(STRAIGHT), with_lamps(road(STRAIGHT), turned)
-    assert found(lit).rough > found(clean).rough + 0.3
+    assert marks_at(lit).rough > marks_at(clean).rough + 0.3
     if not turned:  # a tube across the lane is too wide for a mark
-        assert found(lit).inside > found(clean).inside + 0.1
-    assert found(lit).along == pytest.approx(found(clean).along, abs=0.1)
+        assert marks_at(lit).inside > marks_at(clean).inside + 0.1
+    assert marks_at(lit).along == pytest.approx(marks_at(clean).along, abs=0.1)
 
 
 def test_a_lane_claimed_half_a_lane_beside_has_a_line_inside_and_no_paint_along_it():
-    seen = found(road(STRAIGHT, verge_m=3.0), offset_m=WIDTH_M / 2)
+    seen = marks_at(road(STRAIGHT, verge_m=3.0), offset_m=WIDTH_M / 2)
     assert seen.inside > 0.6
     assert seen.along < 0.2
 
@@ -75,7 +75,7 @@ def test_the_mirror_image_has_the_same_marks():
 def test_less_light_changes_the_texture_little(gain):
     image = with_lamps(road(STRAIGHT), turned=True)
     dark = (image * gain).astype(np.uint8)
-    assert found(dark).rough == pytest.approx(found(image).rough, abs=0.3)
+    assert marks_at(dark).rough == pytest.approx(marks_at(image).rough, abs=0.3)
 
 
 def test_of_a_lane_that_is_hardly_visible_the_worst_counts():

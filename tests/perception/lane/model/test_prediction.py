@@ -16,24 +16,24 @@ def lane(offset_m=0.0, heading_rad=0.0, curvature_1pm=0.0) -> LaneState:
     return LaneState(mean=mean, covariance=np.eye(6) * 1e-4)
 
 
-def moved(state: LaneState, speed_mps=None, yaw_rate_radps=None) -> LaneState:
+def predict_lane(state: LaneState, speed_mps=None, yaw_rate_radps=None) -> LaneState:
     motion = VehicleMotion(speed_mps, yaw_rate_radps)
     return predict(state, 0.1, motion, track=SETTINGS.track, prior=SETTINGS.prior)
 
 
 def test_driving_along_an_arc_with_its_yaw_rate_keeps_offset_and_heading():
-    after = moved(lane(0.2, 0.0, 0.05), 10.0, 0.5)
+    after = predict_lane(lane(0.2, 0.0, 0.05), 10.0, 0.5)
     assert after.mean[[E, PSI, KAPPA]] == pytest.approx([0.2, 0.0, 0.05])
 
 
 def test_driving_straight_with_a_heading_error_to_the_left_moves_left():
-    assert moved(lane(heading_rad=0.1), 10.0, 0.0).mean[E] == pytest.approx(math.sin(0.1), abs=1e-6)
+    assert predict_lane(lane(heading_rad=0.1), 10.0, 0.0).mean[E] == pytest.approx(math.sin(0.1), abs=1e-6)
 
 
 @pytest.mark.parametrize("motion", [(10.0, 0.0), (10.0, None), (None, None)])
 def test_the_covariance_grows_without_a_detection(motion):
     before = lane()
-    after = moved(before, *motion)
+    after = predict_lane(before, *motion)
     assert (np.diag(after.covariance)[:3] > np.diag(before.covariance)[:3]).all()
 
 

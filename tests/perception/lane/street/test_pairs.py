@@ -23,21 +23,21 @@ def street(lines=(), kerbs=(), road_m=(7.0, -7.0)):
     return Profile(StreetCourse(0.0, 0.0, 0.4), LEFT_M, seen, line, np.zeros(len(LEFT_M)), step, other)
 
 
-def ranked(profile, **kwargs):
+def rank_pairs(profile, **kwargs):
     return pairs(profile, boundaries(profile, SETTINGS), SETTINGS, height_sigma=0.2, **kwargs)
 
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_of_a_two_way_street_the_half_between_kerb_and_dashed_line_is_the_lane(side):
     profile = street([(-1.6 * side, 0.3)], [1.6 * side, -4.8 * side], sorted((1.6 * side, -4.8 * side))[::-1])
-    best = ranked(profile)[0]
+    best = rank_pairs(profile)[0]
     assert [best.left.left_m, best.right.left_m] == pytest.approx([1.6, -1.6], abs=0.06)
     assert best.probability > 0.5 and kerb_side(best, profile, SETTINGS) == side
 
 
 def test_a_lane_with_a_line_inside_is_less_probable_than_a_plain_one():
-    (plain,) = ranked(street([(1.7, 0.8), (-2.0, 0.8)]))
-    divided = ranked(street([(1.7, 0.8), (-0.1, 0.3), (-2.0, 0.8)]))
+    (plain,) = rank_pairs(street([(1.7, 0.8), (-2.0, 0.8)]))
+    divided = rank_pairs(street([(1.7, 0.8), (-0.1, 0.3), (-2.0, 0.8)]))
     whole = next(one for one in divided if one.width_m > 3.5)
     assert whole.probability < plain.probability - 0.3
 
@@ -49,50 +49,50 @@ def test_a_step_beside_a_line_is_no_boundary_of_its_own():
 
 def test_the_kerb_of_the_wrong_side_is_less_probable_where_the_side_of_the_traffic_is_known():
     profile = street([(-1.6, 0.3)], [1.6])
-    right, left = ranked(profile, on_left=0.0)[0], ranked(profile, on_left=1.0)[0]
+    right, left = rank_pairs(profile, on_left=0.0)[0], rank_pairs(profile, on_left=1.0)[0]
     assert right.probability < left.probability
 
 
 def test_a_pair_that_was_the_lane_in_the_frame_before_is_more_probable():
     profile = street([(1.7, 0.3), (-1.5, 0.3), (-2.3, 0.3)])
-    alone = ranked(profile)
+    alone = rank_pairs(profile)
     second = alone[1]
     kept = replace(second, probability=0.9)
-    assert ranked(profile, before=(kept,))[0].right == second.right
+    assert rank_pairs(profile, before=(kept,))[0].right == second.right
 
 
 def test_a_street_without_boundaries_has_no_pairs():
-    assert ranked(street()) == []
+    assert rank_pairs(street()) == []
 
 
 def test_the_height_that_makes_a_pair_as_wide_as_a_lane_is_the_more_likely_one():
-    (narrow,) = ranked(street([(1.2, 0.8), (-1.2, 0.8)]))
-    (wide,) = ranked(street([(2.1, 0.8), (-2.1, 0.8)]))
+    (narrow,) = rank_pairs(street([(1.2, 0.8), (-1.2, 0.8)]))
+    (wide,) = rank_pairs(street([(2.1, 0.8), (-2.1, 0.8)]))
     assert narrow.height > 1.05 and wide.height < 0.95
 
 
 @pytest.mark.parametrize("on_left", [0.0, 1.0])
 def test_of_a_road_for_both_ways_without_a_line_the_half_on_the_side_of_the_traffic_is_the_lane(on_left):
     car_m = 1.5 if on_left else -1.5  # the middle of the road lies to the right of a car on the left
-    best = ranked(street(kerbs=(3.1 - car_m, -3.1 - car_m)), on_left=on_left)[0]
+    best = rank_pairs(street(kerbs=(3.1 - car_m, -3.1 - car_m)), on_left=on_left)[0]
     kinds = [BoundaryKind.STEP, BoundaryKind.MIDDLE]
     assert [best.left.kind, best.right.kind] == (kinds if on_left else kinds[::-1])
     assert best.width_m == pytest.approx(3.1, abs=0.06) and best.offset_m == pytest.approx(0.0, abs=0.1)
 
 
 def test_in_the_middle_of_a_road_for_both_ways_neither_half_is_probable_while_the_traffic_is_unknown():
-    found = ranked(street(kerbs=(3.1, -3.1)))
+    found = rank_pairs(street(kerbs=(3.1, -3.1)))
     assert max(one.probability for one in found) < 0.5
 
 
 def test_a_road_as_wide_as_one_lane_is_not_halved():
-    best = ranked(street(kerbs=(1.9, -1.9)))[0]
+    best = rank_pairs(street(kerbs=(1.9, -1.9)))[0]
     assert BoundaryKind.MIDDLE not in (best.left.kind, best.right.kind)
 
 
 def test_the_half_of_a_road_says_nothing_of_the_side_of_the_traffic():
     profile = street(kerbs=(4.6, -1.6))
-    half = next(one for one in ranked(profile) if BoundaryKind.MIDDLE in (one.left.kind, one.right.kind))
+    half = next(one for one in rank_pairs(profile) if BoundaryKind.MIDDLE in (one.left.kind, one.right.kind))
     assert kerb_side(half, profile, SETTINGS) == 0
 
 

@@ -28,7 +28,7 @@ def edges(image, **how):
     return dominant_edges(Evidence(gabor(lower, view), view), **how)
 
 
-def unmarked(sign=1.0):
+def unmarked_road(sign=1.0):
     """A road in soil, which is brighter than it."""
     lane = (sign * OFFSET_M, sign * HEADING_RAD, 0.0, 0.0)
     image = np.full((240, 320, 3), 170, np.uint8)
@@ -54,7 +54,7 @@ def test_an_even_picture_and_sensor_noise_have_no_direction():
 
 
 def test_the_vanishing_point_of_an_unmarked_road_gives_its_heading_and_its_edges():
-    found = edges(unmarked())
+    found = edges(unmarked_road())
     assert found.side_count == 2 and found.reason == ""
     for side, sign in ((found.left, 1), (found.right, -1)):
         at_m, slope = side.at(8.0), side.polynomial(1)[1]
@@ -64,7 +64,7 @@ def test_the_vanishing_point_of_an_unmarked_road_gives_its_heading_and_its_edges
 
 
 def test_the_mirrored_road_has_the_mirrored_edges():
-    one, other = edges(unmarked()), edges(unmarked(-1.0))
+    one, other = edges(unmarked_road()), edges(unmarked_road(-1.0))
     assert one.left.at(8.0) == pytest.approx(-other.right.at(8.0), abs=0.25)
     assert one.right.at(8.0) == pytest.approx(-other.left.at(8.0), abs=0.25)
 

@@ -42,7 +42,7 @@ offsets = st.floats(-1.2, 1.2)
 headings = st.floats(-0.3, 0.3)
 
 
-def mirrored(image_line: ImageLine) -> ImageLine:
+def mirror_line(image_line: ImageLine) -> ImageLine:
     return ImageLine(-image_line.m, 2 * PICTURE.centre_x_px - image_line.k)
 
 
@@ -279,9 +279,9 @@ def test_case_3b_steers_away_from_a_line_that_is_too_near_and_towards_one_that_i
     near, far = line(1.0, 0, 0), line(3.0, 0, 0)
     assert case_3b(near, None, PICTURE, distance_m=2.0) < 0 < case_3b(far, None, PICTURE, distance_m=2.0)
     assert case_3b(line(2.0, 0, 0), None, PICTURE, distance_m=2.0) == pytest.approx(0, abs=1e-9)
-    mirror = case_3b(None, mirrored(near), PICTURE, distance_m=2.0)
+    mirror = case_3b(None, mirror_line(near), PICTURE, distance_m=2.0)
     assert mirror == pytest.approx(-case_3b(near, None, PICTURE, distance_m=2.0), abs=1e-12)
-    assert case_3b(near, mirrored(near), PICTURE, distance_m=2.0) is None
+    assert case_3b(near, mirror_line(near), PICTURE, distance_m=2.0) is None
 
 
 @given(e=offsets, psi=headings)
@@ -296,7 +296,7 @@ def test_one_line_measures_the_heading_at_the_horizon(e, psi):
 @given(e=offsets, psi=headings)
 def test_the_mirrored_picture_is_steered_the_other_way(e, psi):
     left, right = pair(e, psi)
-    other = mirrored(right), mirrored(left)
+    other = mirror_line(right), mirror_line(left)
     assert dev_angle(*other) == pytest.approx(-dev_angle(left, right), abs=1e-9)
     assert case_2(*other, PICTURE) == pytest.approx(-case_2(left, right, PICTURE), abs=1e-9)
     tu = [tu_angle(*lines, PICTURE, width_m=WIDTH_M) for lines in ((left, right), other)]

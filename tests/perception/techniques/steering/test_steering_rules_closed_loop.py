@@ -52,7 +52,7 @@ def umamaheswari(left: ImageLine, right: ImageLine) -> float:
     return 0.0 if seen is None else seen.theta_rad
 
 
-def driven(rule: Rule, speed_mps: float, gain: float, delay_s: float):
+def drive_rule(rule: Rule, speed_mps: float, gain: float, delay_s: float):
     def steer(e: float, psi: float) -> float:
         return max(-0.5, min(0.5, gain * rule(*pair(e, psi))))
 
@@ -73,17 +73,17 @@ def test_bisector_and_mean_measure_the_offset_the_meeting_point_the_heading_the_
 
 
 def test_bisector_and_mean_alone_leave_the_lane_in_most_runs_and_swing_wider_in_all_others():
-    runs = [driven(rule, *run) for rule in (dev, tu) for run in RUNS]
+    runs = [drive_rule(rule, *run) for rule in (dev, tu) for run in RUNS]
     assert sum(run.left_lane for run in runs) >= 12
     assert all(run.left_lane or run.final_m > 0.5 for run in runs)
 
 
 def test_the_meeting_point_never_returns_the_car_to_the_centre():
-    assert all(driven(sujatha, *run).final_m == pytest.approx(0.5, abs=0.01) for run in RUNS)
+    assert all(drive_rule(sujatha, *run).final_m == pytest.approx(0.5, abs=0.01) for run in RUNS)
 
 
 def test_the_crossings_hold_the_lane_in_six_of_eight_runs():
-    runs = [driven(umamaheswari, *run) for run in RUNS]
+    runs = [drive_rule(umamaheswari, *run) for run in RUNS]
     assert sum(not run.left_lane and run.final_m < 0.1 for run in runs) == 6
 
 
@@ -198,15 +198,15 @@ def test_a_car_that_has_crossed_a_line_is_sent_back_over_it():
 
 
 def test_a_left_line_that_bends_into_the_upper_right_is_ignored_and_a_true_right_line_kept():
-    def printed(upper: Lines, lower: Lines) -> Lines:  # the inverse condition
+    def lines_as_printed(upper: Lines, lower: Lines) -> Lines:  # the inverse condition
         extension = upper.right is not None and lower.left is not None and lower.right is None
         return upper if extension else Lines(upper.left, None)
 
     extension, true = Lines(right=line(-0.3, 0, 0.2)), Lines(right=RIGHT)
     assert upper_tree(extension, Lines(left=LEFT)).right is None
     assert upper_tree(true, Lines(LEFT, RIGHT)).right is RIGHT
-    assert printed(extension, Lines(left=LEFT)).right is not None
-    assert printed(true, Lines(LEFT, RIGHT)).right is None
+    assert lines_as_printed(extension, Lines(left=LEFT)).right is not None
+    assert lines_as_printed(true, Lines(LEFT, RIGHT)).right is None
     assert upper_tree(mirror(extension), mirror(Lines(left=LEFT))).left is None
 
 

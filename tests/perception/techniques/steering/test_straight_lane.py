@@ -43,7 +43,7 @@ def test_two_lines_give_offset_heading_and_width_exactly(offset_m, heading_rad, 
     assert lane.width_m == pytest.approx(width_m, abs=1e-9)
 
 
-def mirrored(line: ImageLine, width_px: float) -> ImageLine:
+def mirror(line: ImageLine, width_px: float) -> ImageLine:
     return ImageLine(m=-line.m, k=width_px - line.k)
 
 
@@ -51,9 +51,7 @@ def mirrored(line: ImageLine, width_px: float) -> ImageLine:
 def test_the_mirrored_picture_has_the_mirrored_lane(ml, mr, kl, kr):
     left, right = ImageLine(ml, kl), ImageLine(mr, kr)
     one = straight_lane(left, right, focal_px=400, centre_x_px=160, height_m=1.3)
-    other = straight_lane(
-        mirrored(right, 320), mirrored(left, 320), focal_px=400, centre_x_px=160, height_m=1.3
-    )
+    other = straight_lane(mirror(right, 320), mirror(left, 320), focal_px=400, centre_x_px=160, height_m=1.3)
     assert other.offset_m == pytest.approx(-one.offset_m, abs=1e-9)
     assert other.heading_rad == pytest.approx(-one.heading_rad, abs=1e-9)
     assert other.width_m == pytest.approx(one.width_m, abs=1e-9)

@@ -50,7 +50,7 @@ def drive(seconds: float, *, seed: int = 0, e: float = 0.3, radius_m: float = 80
     return drives
 
 
-def seen(state: np.ndarray, rng: np.random.Generator, *, noise: float = 1.0) -> Boundaries:
+def noisy_boundaries(state: np.ndarray, rng: np.random.Generator, *, noise: float = 1.0) -> Boundaries:
     """Both sides with the error of a boundary model."""
     error = rng.normal(size=4) * [0.06, 0.01, 0.0015, 0.05] * noise
     e, psi, kappa, width = (state + error).tolist()
@@ -63,7 +63,7 @@ def errors(name: str, keep, *, seconds: float = 6.0, seed: int = 0, noise: float
     tracker, rng = TRACKERS[name](), np.random.default_rng(seed + 100)
     found = []
     for number, (state, motion) in enumerate(drive(seconds, seed=seed)):
-        lane = ground_curve(tracker.step(keep(number, seen(state, rng, noise=noise)), motion))
+        lane = ground_curve(tracker.step(keep(number, noisy_boundaries(state, rng, noise=noise)), motion))
         found.append(
             [np.nan, np.nan]
             if lane is None
@@ -110,7 +110,9 @@ def test_half_of_all_frames_lost_raises_the_error_by_less_than_half(name):
 @pytest.mark.parametrize("name", TRACKERS)
 def test_tracking_is_better_than_its_frames(name):
     rng = np.random.default_rng(100)
-    alone = [abs(ground_curve(seen(state, rng)).lane.offset_m - state[0]) for state, _ in drive(6)]
+    alone = [
+        abs(ground_curve(noisy_boundaries(state, rng)).lane.offset_m - state[0]) for state, _ in drive(6)
+    ]
     assert errors_of_all_frames(name)[20:150, 0].mean() < 0.8 * np.mean(alone[20:])
 
 
@@ -125,7 +127,7 @@ def test_a_lane_lost_for_too_long_is_none_and_not_the_old_one(name):
     tracker, rng = TRACKERS[name](), np.random.default_rng(0)
     drives = drive(4)
     for state, motion in drives[:25]:
-        tracker.step(seen(state, rng), motion)
+        tracker.step(noisy_boundaries(state, rng), motion)
     last = NOTHING
     supports = []
     for _ in range(110):
@@ -153,7 +155,9 @@ def test_the_new_lane_is_tracked_within_half_a_second_of_a_swap(name):
     for number in range(75):
         state = np.array([1.6 if number < 50 else -1.9, 0.0, 0.0, WIDTH_M])  # over the line: the next lane
         motion = FrameMotion(DT_S, SPEED_MPS, 0.0)
-        found.append(ground_curve(tracker.step(seen(state, rng), motion)).lane.offset_m - state[0])
+        found.append(
+            ground_curve(tracker.step(noisy_boundaries(state, rng), motion)).lane.offset_m - state[0]
+        )
     assert abs(found[50 + round(0.5 / DT_S)]) < 0.3 and abs(found[-1]) < 0.2
 
 

@@ -24,7 +24,7 @@ NAMES = sorted(path.stem for path in (CONFIG_DIR / "roads").glob("*.yaml"))
 PLACE = re.compile(r"\.xodr:\d+:\d+: ")
 
 
-def exported(road: RoadSettings, folder: Path) -> Path:
+def export_road(road: RoadSettings, folder: Path) -> Path:
     path = folder / "road.xodr"
     write_opendrive(road, path)
     return path
@@ -49,7 +49,7 @@ def gap_m(a: RoadSettings, b: RoadSettings) -> float:
 @pytest.mark.parametrize("name", NAMES)
 def test_export_and_import_return_every_shipped_road_unchanged(name, tmp_path):
     road = load_road(name).settings
-    back = read_opendrive(exported(road, tmp_path)).settings
+    back = read_opendrive(export_road(road, tmp_path)).settings
     assert bare(back) == bare(road)
     assert gap_m(back, road) < 1e-6
 
@@ -60,14 +60,14 @@ def test_every_export_follows_the_schema(name, tmp_path):
     from lxml import etree
 
     schema = etree.XMLSchema(etree.parse(str(Path(schemas.__path__[0]) / "opendrive_17_core.xsd")))
-    schema.assertValid(etree.parse(str(exported(load_road(name).settings, tmp_path))))
+    schema.assertValid(etree.parse(str(export_road(load_road(name).settings, tmp_path))))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_another_reader_finds_the_same_lane(name, tmp_path):
     network = pytest.importorskip("pyxodr.road_objects.network")
     road = load_road(name)
-    found = network.RoadNetwork(str(exported(road.settings, tmp_path)), resolution=0.1).get_roads()[0]
+    found = network.RoadNetwork(str(export_road(road.settings, tmp_path)), resolution=0.1).get_roads()[0]
     assert np.abs(road.nearest_coordinates(found.reference_line)[:, 1]).max() < 2e-4  # its chords of 0.1 m
     for section in found.lane_sections:
         (kept,) = [lane for lane in section.lanes if lane.id == -1]
@@ -79,8 +79,8 @@ def test_another_reader_finds_the_same_lane(name, tmp_path):
 
 def test_the_same_road_gives_the_same_bytes(tmp_path):
     road = load_road("town").settings
-    first = exported(road, tmp_path).read_bytes()
-    assert exported(road, tmp_path).read_bytes() == first
+    first = export_road(road, tmp_path).read_bytes()
+    assert export_road(road, tmp_path).read_bytes() == first
 
 
 curvatures = st.floats(-0.08, 0.08).map(lambda k: round(k, 6))
@@ -117,7 +117,7 @@ def roads(draw: st.DrawFn) -> RoadSettings:
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(roads())
 def test_export_and_import_return_any_road_unchanged(tmp_path, road):
-    back = read_opendrive(exported(road, tmp_path)).settings
+    back = read_opendrive(export_road(road, tmp_path)).settings
     assert bare(back) == bare(road)
     assert gap_m(back, road) < 1e-6
 
@@ -139,7 +139,7 @@ def offset_lane_gap_m(road: Road, lane: Road, offset_m: float, *, backward: bool
 @pytest.mark.parametrize("name", ["curve", "s_bend"])
 def test_the_oncoming_lane_is_parallel_within_a_millimetre(name, tmp_path):
     road = load_road(name)
-    imported = read_opendrive(exported(road.settings, tmp_path), lane=1).settings
+    imported = read_opendrive(export_road(road.settings, tmp_path), lane=1).settings
     assert offset_lane_gap_m(road, Road(imported), 3.5, backward=True) < 1e-3
 
 
@@ -158,7 +158,7 @@ def test_the_oncoming_lane_has_left_and_right_swapped(rule, tmp_path):
     road = RoadSettings(
         name="two", closed=False, lane_width_m=3.5, segments=(Segment(length_m=50),), sections=(section,)
     )
-    path = exported(road, tmp_path)
+    path = export_road(road, tmp_path)
     path.write_text(path.read_text().replace('rule="RHT"', f'rule="{rule}"'))
     (found,) = read_opendrive(path, lane=1).settings.sections
     if rule == "LHT":  # then lane 1 runs along the reference line and lane -1 against it
@@ -236,7 +236,7 @@ def test_a_lane_that_widens_keeps_its_centre_and_its_width(tmp_path):
 
 
 def test_a_marking_edited_by_another_tool_overrides_the_user_data(tmp_path):
-    path = exported(load_road("straight").settings, tmp_path)
+    path = export_road(load_road("straight").settings, tmp_path)
     path.write_text(path.read_text().replace('type="solid"', 'type="broken"'))
     (before,), (after,) = load_road("straight").sections, read_opendrive(path).settings.sections
     assert (before.right.stroke, after.right.stroke) == (Stroke.SOLID, Stroke.DASHED)
@@ -251,7 +251,7 @@ def test_a_note_reports_that_elevation_is_left_out(tmp_path):
 
 
 def test_a_scenario_may_drive_on_an_opendrive_road(tmp_path):
-    path = exported(load_road("curve").settings, tmp_path)
+    path = export_road(load_road("curve").settings, tmp_path)
     scenario = Scenario(description="", tags=("nominal",), road=str(path), duration_s=1)
     assert scenario.build_road().length_m == pytest.approx(load_road("curve").length_m)
 
@@ -325,7 +325,7 @@ def test_the_place_of_an_error_is_where_the_start_tag_begins(namespace, tmp_path
 
 
 def test_an_unknown_lane_or_road_is_refused_with_the_known_ones(tmp_path):
-    path = exported(load_road("curve").settings, tmp_path)
+    path = export_road(load_road("curve").settings, tmp_path)
     with pytest.raises(InputError, match="there are 1, -1"):
         read_opendrive(path, lane=4)
     with pytest.raises(InputError, match="no road has the id '4'; there are 1"):
@@ -335,7 +335,7 @@ def test_an_unknown_lane_or_road_is_refused_with_the_known_ones(tmp_path):
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path, data):
-    text = exported(load_road("curve").settings, tmp_path).read_text()
+    text = export_road(load_road("curve").settings, tmp_path).read_text()
     places = [match.span(1) for match in re.finditer(r'="([^"]*)"', text)]
     start, end = data.draw(st.sampled_from(places))
     value = data.draw(

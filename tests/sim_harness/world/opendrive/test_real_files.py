@@ -56,7 +56,7 @@ def road(number: str, geometry: str, sections: str, offsets: str = "") -> str:
     return f"{head}<planView>{geometry}</planView><lanes>{offsets}{sections}</lanes></road>"
 
 
-def written(folder: Path, *roads: str) -> Path:
+def write_roads(folder: Path, *roads: str) -> Path:
     path = folder / "real.xodr"
     path.write_text('<?xml version="1.0"?>\n<OpenDRIVE>\n' + "\n".join(roads) + "\n</OpenDRIVE>")
     return path
@@ -84,7 +84,7 @@ def test_a_sliver_of_the_reference_line_belongs_to_its_neighbours(tmp_path, plac
     parts = [(60.0, LINE), (40.0, bend)]
     parts.insert(place, (length, shape))
     text = shapes(*parts)
-    found = Road(read_opendrive(written(tmp_path, road("1", text, ONE))).settings)
+    found = Road(read_opendrive(write_roads(tmp_path, road("1", text, ONE))).settings)
     truth = np.vstack(
         [
             right_of(origin, size, 0.02 * (kind == bend))
@@ -113,11 +113,11 @@ def right_of(origin: tuple[float, float, float], length: float, curvature: float
 
 def test_a_geometry_without_length_is_no_error_and_a_negative_one_is(tmp_path):
     text = shapes((60.0, LINE), (0.0, '<spiral curvStart="0" curvEnd="0.1"/>'), (40.0, LINE))
-    assert Road(read_opendrive(written(tmp_path, road("1", text, ONE))).settings).length_m == pytest.approx(
-        100.0
-    )
+    assert Road(
+        read_opendrive(write_roads(tmp_path, road("1", text, ONE))).settings
+    ).length_m == pytest.approx(100.0)
     with pytest.raises(InputError, match="more than 0 m"):
-        read_opendrive(written(tmp_path, road("1", shapes((60.0, LINE), (-1.0, LINE)), ONE)))
+        read_opendrive(write_roads(tmp_path, road("1", shapes((60.0, LINE), (-1.0, LINE)), ONE)))
 
 
 @pytest.mark.parametrize("s", [5e-6, 1e-3, 60.0 + 1e-5, 100.0 - 1e-6, 100.0 - 5e-3, 100.0])
@@ -131,7 +131,7 @@ def test_records_and_sections_a_sliver_apart_or_at_the_end_make_no_stretch(tmp_p
         road("1", geometry, twice),
         road("1", geometry, section(0.0, right=widths)),
     ):
-        found = Road(read_opendrive(written(tmp_path, text)).settings)
+        found = Road(read_opendrive(write_roads(tmp_path, text)).settings)
         assert found.length_m == pytest.approx(100.0, abs=1e-6)
         assert len(found.settings.segments) == 1
 
@@ -145,14 +145,14 @@ def taper(end_m: float) -> str:
 @pytest.mark.parametrize("end_m", [0.0, -8.9e-16, -5e-4])
 def test_a_width_below_zero_by_rounding_is_zero(tmp_path, end_m):
     lanes = lane(-1) + lane(-2, width=taper(end_m))
-    found = read_opendrive(written(tmp_path, road("1", shapes((100.0, LINE)), section(0.0, right=lanes))))
+    found = read_opendrive(write_roads(tmp_path, road("1", shapes((100.0, LINE)), section(0.0, right=lanes))))
     last = found.settings.sections[-1].right_lanes[0].width_m
     assert last[1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_negative_width_is_refused_with_road_lane_and_station(tmp_path):
     lanes = lane(-1) + lane(-2, width=taper(-0.01))
-    path = written(tmp_path, road("8", shapes((100.0, LINE)), section(0.0, right=lanes)))
+    path = write_roads(tmp_path, road("8", shapes((100.0, LINE)), section(0.0, right=lanes)))
     with pytest.raises(InputError) as refused:
         read_opendrive(path)
     assert str(refused.value).startswith(f"{path}:3:")
@@ -166,7 +166,7 @@ def test_widths_that_differ_by_rounding_at_a_joint_are_joined(tmp_path, jump_m):
     for first in (WIDTH, slope):
         two = section(0.0, right=lane(-1, width=first, after=-1) + lane(-2, width=first, after=-2))
         two += section(50.0, right=lane(-1, width=after, before=-1) + lane(-2, width=after, before=-2))
-        found = read_opendrive(written(tmp_path, road("1", shapes((100.0, LINE)), two)), lane=-1)
+        found = read_opendrive(write_roads(tmp_path, road("1", shapes((100.0, LINE)), two)), lane=-1)
         assert Road(found.settings).width_at(75.0) == pytest.approx(3.5, abs=1e-3)
 
 
@@ -186,7 +186,7 @@ def two_plus_one() -> str:
 
 def test_where_a_lane_opens_between_two_the_outer_one_stays_where_it_is(tmp_path):
     """The line between the directions is the reference line: the oncoming lane never moves."""
-    found = read_opendrive(written(tmp_path, road("1", shapes((300.0, LINE)), two_plus_one())), lane=-1)
+    found = read_opendrive(write_roads(tmp_path, road("1", shapes((300.0, LINE)), two_plus_one())), lane=-1)
     kept = Road(found.settings)
     counts = [len([one for one in part.left_lanes if one.width_m]) for part in found.settings.sections]
     assert counts[0] == counts[-1] == 1 and max(counts) == 2
@@ -199,7 +199,7 @@ def test_where_a_lane_opens_between_two_the_outer_one_stays_where_it_is(tmp_path
 
 
 def test_against_the_reference_line_the_same_road_has_the_same_lanes(tmp_path):
-    found = read_opendrive(written(tmp_path, road("1", shapes((300.0, LINE)), two_plus_one())), lane=1)
+    found = read_opendrive(write_roads(tmp_path, road("1", shapes((300.0, LINE)), two_plus_one())), lane=1)
     kept = Road(found.settings)
     assert (kept.length_m, len(found.settings.segments)) == (pytest.approx(300.0), 1)
     assert RoadLane(kept, 2).centre_at(125.0) == pytest.approx(7.0)
@@ -208,7 +208,7 @@ def test_against_the_reference_line_the_same_road_has_the_same_lanes(tmp_path):
 
 def test_a_lane_that_only_its_successor_links_is_followed(tmp_path):
     both = section(0.0, right=lane(-1)) + section(50.0, right=lane(-1, width=OPENING) + lane(-2, before=-1))
-    found = read_opendrive(written(tmp_path, road("1", shapes((100.0, LINE)), both)), lane=-1)
+    found = read_opendrive(write_roads(tmp_path, road("1", shapes((100.0, LINE)), both)), lane=-1)
     kept = Road(found.settings)
     assert found.notes == ()
     assert kept.position(kept.length_m, 0.0)[1] == pytest.approx(-3.5, abs=0.02)
@@ -219,25 +219,25 @@ def test_lanes_that_end_and_open_at_full_width_on_one_side_are_imported(tmp_path
     first = lane(-1, after=-1) + lane(-2)
     second = lane(-1, before=-1) + lane(-2, width=wide, before=7) + lane(-3, width=wide, before=7)
     both = section(0.0, right=first) + section(50.0, right=second)
-    found = read_opendrive(written(tmp_path, road("1", shapes((100.0, LINE)), both)))
+    found = read_opendrive(write_roads(tmp_path, road("1", shapes((100.0, LINE)), both)))
     assert [len(part.right_lanes) for part in found.settings.sections] == [1, 2]
 
 
 def test_a_road_ends_where_its_lane_ends_or_is_too_narrow_and_a_note_says_so(tmp_path):
     ends = section(0.0, right=lane(-1, after=-1) + lane(-2)) + section(60.0, right=lane(-1, before=-1))
-    path = written(tmp_path, road("1", shapes((100.0, LINE)), ends))
+    path = write_roads(tmp_path, road("1", shapes((100.0, LINE)), ends))
     found = read_opendrive(path, lane=-2)
     assert Road(found.settings).length_m == pytest.approx(60.0)
     assert found.notes == ("lane -2 ends at s = 60 m of 100 m",)
     narrowing = road("1", shapes((100.0, LINE)), section(0.0, right=lane(-1, width=taper(0.0))))
-    found = read_opendrive(written(tmp_path, narrowing))
+    found = read_opendrive(write_roads(tmp_path, narrowing))
     assert 40.0 < Road(found.settings).length_m < 70.0
     assert "too narrow outside s = 0.0 to" in found.notes[0]
 
 
 def test_a_lane_whose_link_names_a_lane_that_is_not_there_is_refused(tmp_path):
     wrong = section(0.0, right=lane(-1, after=-3)) + section(60.0, right=lane(-1))
-    path = written(tmp_path, road("4", shapes((100.0, LINE)), wrong))
+    path = write_roads(tmp_path, road("4", shapes((100.0, LINE)), wrong))
     with pytest.raises(
         InputError, match=r"<laneSection> of road 4, s = 60.0 m: lane -1 ends here: .* a lane -3"
     ):
@@ -250,7 +250,7 @@ def test_a_section_of_a_single_side_leaves_the_other_side_as_it_was(tmp_path, ke
     grows = '<width sOffset="0" a="3" b="0.01" c="0" d="0"/>'
     both = section(0.0, lane(1, after=1), lane(-1, width=grows))
     both += section(50.0, left=lane(1, before=1) + lane(2), attributes='singleSide="true"')
-    found = read_opendrive(written(tmp_path, road("1", shapes((100.0, LINE)), both)), lane=kept)
+    found = read_opendrive(write_roads(tmp_path, road("1", shapes((100.0, LINE)), both)), lane=kept)
     kept_road = Road(found.settings)
     right = RoadLane(kept_road, 0 if kept == -1 else 1)
     for s in (20.0, 80.0):
@@ -265,7 +265,7 @@ def test_roads_that_are_not_asked_for_are_not_judged(tmp_path):
     broken = '<road name="b"><planView><geometry s="x"/></planView></road>'
     walk = road("2", shapes((100.0, LINE)), section(0.0, right=lane(-1, kind="sidewalk")))
     good = road("3", shapes((80.0, LINE)), ONE)
-    path = written(tmp_path, broken, walk, good)
+    path = write_roads(tmp_path, broken, walk, good)
     for asked in ("3", None):
         assert Road(read_opendrive(path, road=asked).settings).length_m == pytest.approx(80.0)
     with pytest.raises(InputError, match=r"road 2, s = 0\.0 m: expected a lane of type driving"):
@@ -274,7 +274,7 @@ def test_roads_that_are_not_asked_for_are_not_judged(tmp_path):
 
 def test_a_lane_tighter_than_any_road_is_refused_with_its_radius(tmp_path):
     bend = shapes((20.0, LINE), (3.0, '<arc curvature="-0.45"/>'), (20.0, LINE))
-    path = written(tmp_path, road("6", bend, ONE))
+    path = write_roads(tmp_path, road("6", bend, ONE))
     with pytest.raises(InputError, match=r"road 6, s = 20.0 m: lane -1: the lane bends with R = 0.4"):
         read_opendrive(path)
 
@@ -290,7 +290,7 @@ def test_a_polynomial_whose_parameter_is_not_its_length_carries_a_lane_that_wide
     heading = np.arctan2(30 * p**2, 40 + 40 * p)
     offset = -(3 + p) / 2
     centre = np.column_stack([x - offset * np.sin(heading), y + offset * np.cos(heading)])
-    assert away_m(Road(read_opendrive(written(tmp_path, text)).settings), centre) < 5e-3
+    assert away_m(Road(read_opendrive(write_roads(tmp_path, text)).settings), centre) < 5e-3
 
 
 def cubic(tag: str, *records: tuple[float, float, float, float, float]) -> str:
@@ -313,7 +313,7 @@ def test_borders_give_the_same_road_as_the_widths_between_them(tmp_path):
     found = []
     for left, inner, far in ((borders[0], borders[1], outer), (widths, widths, grown)):
         right = lane(-1, width=inner) + lane(-2, width=far)
-        found.append(written(tmp_path, road("1", geometry, section(0.0, lane(1, width=left), right))))
+        found.append(write_roads(tmp_path, road("1", geometry, section(0.0, lane(1, width=left), right))))
         found[-1] = read_opendrive(found[-1]).settings
     by_borders, by_widths = Road(found[0]), Road(found[1])
     assert by_borders.length_m == pytest.approx(by_widths.length_m, abs=1e-6)
@@ -327,13 +327,13 @@ def test_borders_give_the_same_road_as_the_widths_between_them(tmp_path):
 
 def test_a_border_without_lanes_inside_is_the_width(tmp_path):
     right = lane(-1, width=cubic("border", (0.0, -3.25, 0.0, 0.0, 0.0)))
-    path = written(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=right)))
+    path = write_roads(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=right)))
     assert read_opendrive(path).settings.lane_width_m == 3.25
 
 
 def test_of_a_lane_with_widths_and_borders_the_widths_count(tmp_path):
     both = WIDTH + cubic("border", (0.0, -9.0, 0.0, 0.0, 0.0))
-    path = written(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=lane(-1, width=both))))
+    path = write_roads(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=lane(-1, width=both))))
     assert read_opendrive(path).settings.lane_width_m == 3.5
 
 
@@ -341,7 +341,7 @@ def test_borders_in_a_road_with_a_lane_offset_are_refused(tmp_path):
     right = lane(-1, width=cubic("border", (0.0, -3.25, 0.0, 0.0, 0.0)))
     for a, refused in ((0.0, False), (1.25, True)):
         offset = f'<laneOffset s="0" a="{a}" b="0" c="0" d="0"/>'
-        path = written(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=right), offset))
+        path = write_roads(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=right), offset))
         if refused:
             with pytest.raises(
                 InputError, match="<laneOffset> of road 1, s = 0 m: a lane offset other than 0"
@@ -354,14 +354,14 @@ def test_borders_in_a_road_with_a_lane_offset_are_refused(tmp_path):
 @pytest.mark.parametrize("width_m", [6.5, 9.0, 14.0])
 def test_a_lane_wider_than_those_of_cars_is_imported_and_driven_in_its_middle(tmp_path, width_m):
     right = lane(-1, width=cubic("width", (0.0, width_m, 0.0, 0.0, 0.0)))
-    path = written(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=right)))
+    path = write_roads(tmp_path, road("1", shapes((80.0, LINE)), section(0.0, right=right)))
     found = Road(read_opendrive(path).settings)
     assert found.width_at(40.0) == width_m
     assert found.length_m == 80.0
 
 
 def straight(folder, right, left=""):
-    return written(folder, road("1", shapes((80.0, LINE)), section(0.0, left, right)))
+    return write_roads(folder, road("1", shapes((80.0, LINE)), section(0.0, left, right)))
 
 
 def flat(width_m: float) -> str:
@@ -386,7 +386,9 @@ def test_a_lane_that_is_there_twice_is_refused(tmp_path):
 
 def test_a_road_whose_id_another_has_is_refused_when_it_is_asked_for(tmp_path):
     one = road("1", shapes((80.0, LINE)), ONE)
-    path = written(tmp_path, one, road("1", shapes((50.0, LINE)), ONE), road("2", shapes((30.0, LINE)), ONE))
+    path = write_roads(
+        tmp_path, one, road("1", shapes((50.0, LINE)), ONE), road("2", shapes((30.0, LINE)), ONE)
+    )
     with pytest.raises(InputError, match="<road> of road 1: 2 roads have the id '1'"):
         read_opendrive(path, road="1")
     assert Road(read_opendrive(path, road="2").settings).length_m == 30.0
@@ -423,19 +425,19 @@ def test_lanes_of_roadworks_beside_those_of_the_road_change_nothing(tmp_path, fi
     }
     both = "".join(layers[name] for name in sorted(layers, reverse=first == "temporary"))
     head = f'<road id="1" junction="-1"><planView>{shapes((100.0, LINE))}</planView>'
-    settings = read_opendrive(written(tmp_path, f"{head}{both}</road>")).settings
+    settings = read_opendrive(write_roads(tmp_path, f"{head}{both}</road>")).settings
     assert Road(settings).length_m == pytest.approx(100.0)
     assert settings.lane_width_m == pytest.approx(3.5)
 
 
 def test_a_geometry_shorter_than_nothing_by_rounding_is_none(tmp_path):
     geometry = shapes((100.0, LINE)) + shapes((-1.4e-14, LINE), x=100.0).replace('s="0.0"', 's="100.0"')
-    found = read_opendrive(written(tmp_path, road("1", geometry, ONE)))
+    found = read_opendrive(write_roads(tmp_path, road("1", geometry, ONE)))
     assert Road(found.settings).length_m == pytest.approx(100.0)
 
 
 def test_a_marking_without_a_place_is_that_of_the_whole_lane(tmp_path):
-    marked = written(tmp_path, road("1", shapes((100.0, LINE)), ONE))
+    marked = write_roads(tmp_path, road("1", shapes((100.0, LINE)), ONE))
     with_place = read_opendrive(marked).settings
     marked.write_text(marked.read_text().replace('<roadMark sOffset="0"', "<roadMark"))
     assert read_opendrive(marked).settings == with_place
@@ -444,4 +446,4 @@ def test_a_marking_without_a_place_is_that_of_the_whole_lane(tmp_path):
 def test_a_link_to_the_centre_is_refused(tmp_path):
     sections = section(0.0, right=lane(-1, after=0)) + section(50.0, right=lane(-1))
     with pytest.raises(InputError, match="lane -1 ends here: expected a lane 0"):
-        read_opendrive(written(tmp_path, road("1", shapes((100.0, LINE)), sections)))
+        read_opendrive(write_roads(tmp_path, road("1", shapes((100.0, LINE)), sections)))

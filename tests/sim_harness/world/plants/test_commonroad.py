@@ -24,7 +24,7 @@ BMW = dict(
 )
 
 
-def settled(model, speed_mps, curvature_1pm, seconds=1.2):
+def settle(model, speed_mps, curvature_1pm, seconds=1.2):
     """Plant and state after the steady angle for ``curvature_1pm`` was held."""
     plant = build_plant(PlantSettings(model=model), SHUTTLE)
     start = plant.initial(speed_mps=speed_mps, curvature_1pm=curvature_1pm)
@@ -36,7 +36,7 @@ def test_the_understeer_gradients_are_measured_again(model):
     """Left and right bends together, as the tyres of the multi-body model are not quite symmetrical."""
     speed_mps, gradients = 20.0, []
     for side in (1, -1):
-        plant, end = settled(model, speed_mps, side * 2.0 / speed_mps**2)
+        plant, end = settle(model, speed_mps, side * 2.0 / speed_mps**2)
         curvature = plant.yaw_rate_radps(end) / end.speed_mps
         steering = end.road_wheel_angle_rad - math.atan(SHUTTLE.wheelbase_m * curvature)
         gradients.append(steering / (curvature * end.speed_mps**2))

@@ -26,7 +26,7 @@ IDEAL = SHUTTLE.model_copy(
 )
 
 
-def settled(plant, angle_rad, speed_mps, seconds=12.0):
+def settle(plant, angle_rad, speed_mps, seconds=12.0):
     """The state after ``seconds`` at a constant angle."""
     start = PlantState(speed_mps=speed_mps, road_wheel_angle_rad=angle_rad, acting_demand_rad=angle_rad)
     return drive(plant, start, command(angle_rad), seconds)
@@ -38,7 +38,7 @@ def test_the_steady_state_has_the_understeer_of_the_vehicle_file(gradient, speed
     """For small accelerations δ - L·κ = K_us·v²·κ."""
     vehicle = IDEAL.model_copy(update=dict(understeer_gradient_rad_per_mps2=gradient))
     plant = SingleTrackPlant(vehicle)
-    end = settled(plant, 1e-4, speed_mps)
+    end = settle(plant, 1e-4, speed_mps)
     curvature = end.inner[1]
     steering = 1e-4 - vehicle.wheelbase_m * curvature
     assert steering == pytest.approx(gradient * curvature * speed_mps**2, abs=1e-9)
@@ -54,7 +54,7 @@ def test_near_the_grip_understeer_grows_as_the_inverse_magic_formula(lateral_mps
     growth = SHAPE * math.tan(math.asin(used) / SHAPE) / used
     understeer_rad = IDEAL.understeer_gradient_rad_per_mps2 * lateral_mps2 * growth
     assert angle_rad == pytest.approx(IDEAL.wheelbase_m * curvature + understeer_rad, rel=0.03)
-    end = settled(plant, angle_rad, speed_mps)
+    end = settle(plant, angle_rad, speed_mps)
     assert end.inner[1] == pytest.approx(curvature, rel=1e-9)
     assert plant.lateral_accel_mps2(end) == pytest.approx(lateral_mps2, rel=1e-9)
 
@@ -76,7 +76,7 @@ def test_soft_and_stiff_tyres_settle_down_to_standstill(rear_stiffness_per_rad):
     chassis = {"rear_stiffness_per_rad": rear_stiffness_per_rad}
     plant = SingleTrackPlant(SHUTTLE, PlantSettings(chassis=chassis))
     for speed_mps in (0.0, 0.5, 1.0):
-        end = settled(plant, 0.1, speed_mps, seconds=1.0)
+        end = settle(plant, 0.1, speed_mps, seconds=1.0)
         assert end.inner[1] == pytest.approx(math.tan(0.1) / SHUTTLE.wheelbase_m, rel=5e-3)
 
 
@@ -142,7 +142,7 @@ def smooth(t_s):
     return Actuation(10.0 + math.sin(t_s), math.cos(t_s), 0.08 * math.sin(1.5 * t_s), 0.0, 0.0)
 
 
-def integrated(plant, seconds, h):
+def integrate(plant, seconds, h):
     """x, y, ψ, β, κ after ``seconds`` of :func:`smooth` in steps of ``h``."""
     state = (0.0,) * 5
     for k in range(round(seconds / h)):
@@ -152,8 +152,8 @@ def integrated(plant, seconds, h):
 
 def test_halving_the_step_divides_the_error_by_sixteen():
     plant = SingleTrackPlant(SHUTTLE)
-    truth = integrated(plant, 2.0, 0.000625)
-    errors = [np.abs(integrated(plant, 2.0, h) - truth)[:2].max() for h in (0.01, 0.005, 0.0025)]
+    truth = integrate(plant, 2.0, 0.000625)
+    errors = [np.abs(integrate(plant, 2.0, h) - truth)[:2].max() for h in (0.01, 0.005, 0.0025)]
     assert math.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.1)
     assert math.log2(errors[1] / errors[2]) == pytest.approx(4.0, abs=0.1)
 
@@ -184,7 +184,7 @@ def test_scipys_integrator_drives_the_textbook_equations_to_the_same_place():
 
     start = (rear_m, 0.0, 0.0, 0.0, 0.0)  # of the centre of gravity
     x_m, y_m, yaw, sideways, turning = solve_ivp(rates, (0.0, 3.0), start, rtol=1e-11, atol=1e-12).y[:, -1]
-    plant_end = integrated(plant, 3.0, 0.005)
+    plant_end = integrate(plant, 3.0, 0.005)
     speed = smooth(3.0).speed_mps
     expected = (x_m - rear_m * math.cos(yaw), y_m - rear_m * math.sin(yaw), yaw)
     assert plant_end[:3] == pytest.approx(expected, abs=1e-6)

@@ -72,7 +72,7 @@ def test_the_result_of_a_frame_does_not_depend_on_earlier_frames(net, drive):
     assert net.step(last, None, now_s=9.0) == fresh.step(last, None, now_s=9.0)
 
 
-def faded(image: np.ndarray, kind: str, strength: float) -> np.ndarray:
+def fade(image: np.ndarray, kind: str, strength: float) -> np.ndarray:
     """``image`` in the dark, in fog or over-exposed; 0 leaves it, 1 removes it completely."""
     grey = {"dark": 0.0, "fog": 205.0, "glare": 255.0}[kind]
     return cv2.addWeighted(image, 1 - strength, np.full_like(image, grey), strength, 0)
@@ -81,7 +81,7 @@ def faded(image: np.ndarray, kind: str, strength: float) -> np.ndarray:
 @pytest.mark.parametrize("kind", ["dark", "fog", "glare"])
 def test_confidence_falls_to_zero_as_the_road_fades(net, drive, kind):
     confidence = [
-        np.mean([step(net, faded(frame.image, kind, strength)).confidence for frame, *_ in drive[::4]])
+        np.mean([step(net, fade(frame.image, kind, strength)).confidence for frame, *_ in drive[::4]])
         for strength in (0.0, 0.97, 1.0)
     ]
     assert confidence[0] > confidence[1] > confidence[2] == 0

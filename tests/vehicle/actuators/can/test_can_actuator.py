@@ -27,7 +27,7 @@ def senders():
     return [can_rig.SHUTTLE.sender(each) for each in can_rig.SHUTTLE.settings.reports]
 
 
-def decoded(message):
+def decode(message):
     database = can_rig.SHUTTLE.messages
     name = next(name for name, known in database.items() if known.frame_id == message.arbitration_id)
     return database[name].decode(message.data, decode_choices=False)
@@ -36,26 +36,26 @@ def decoded(message):
 def test_each_message_is_sent_at_its_period_by_the_calls_of_write_alone(one):
     for k in range(100):
         one.actuator.write(can_rig.command(), now_s=50.0 + 0.01 * k)
-    addresses = [message.arbitration_id for message in one.sent()]
+    addresses = [message.arbitration_id for message in one.drain_frames()]
     assert (addresses.count(STEERING), addresses.count(ACCELERATION)) == (100, 50)
 
 
 def test_jitter_of_the_calls_loses_no_message(one):
     for k in range(100):
         one.actuator.write(can_rig.command(), now_s=50.0 + 0.01 * k + (0.004 if k % 3 else -0.004))
-    assert [message.arbitration_id for message in one.sent()].count(STEERING) == 100
+    assert [message.arbitration_id for message in one.drain_frames()].count(STEERING) == 100
 
 
 def test_a_pause_is_not_made_up_for_by_a_burst(one):
     for now_s in (50.0, 60.0, 60.01):
         one.actuator.write(can_rig.command(), now_s=now_s)
-    assert [message.arbitration_id for message in one.sent()].count(STEERING) == 3
+    assert [message.arbitration_id for message in one.drain_frames()].count(STEERING) == 3
 
 
 def test_a_command_without_a_frame_is_not_engaged(one):
     one.actuator.write(can_rig.command(t_s=None), now_s=1.0)
     one.actuator.write(can_rig.command(t_s=0.9), now_s=1.02)
-    steering = [decoded(message) for message in one.sent() if message.arbitration_id == STEERING]
+    steering = [decode(message) for message in one.drain_frames() if message.arbitration_id == STEERING]
     assert [values["STEER_REQUEST"] for values in steering] == [0, 1]
 
 
@@ -63,7 +63,9 @@ def test_a_later_command_without_a_frame_brakes_an_engaged_car(one):
     """So the limiter stops a car whose driver has released the dead man's switch."""
     one.actuator.write(can_rig.command(t_s=0.9), now_s=1.0)
     one.actuator.write(can_rig.command(0.1, -3.5, t_s=None), now_s=1.02)
-    acceleration = [decoded(message) for message in one.sent() if message.arbitration_id == ACCELERATION]
+    acceleration = [
+        decode(message) for message in one.drain_frames() if message.arbitration_id == ACCELERATION
+    ]
     assert (acceleration[-1]["ENGAGED"], acceleration[-1]["ACCEL_CMD"]) == (1, -3.5)
 
 
@@ -71,14 +73,14 @@ def test_the_end_of_an_actuator_that_has_sent_nothing_sends_nothing(one):
     """`trepid doctor` opens and closes it, perhaps beside a running drive."""
     one.actuator.read(now_s=1.0)
     one.actuator.close()
-    assert one.sent() == []
+    assert one.drain_frames() == []
 
 
 def test_the_end_sends_the_safe_state_at_the_last_angle_three_times(one):
     one.actuator.write(can_rig.command(0.2, 1.0), now_s=1.0)
-    one.sent()
+    one.drain_frames()
     one.actuator.close()
-    values = [decoded(message) for message in one.sent()]
+    values = [decode(message) for message in one.drain_frames()]
     steering, acceleration = values[0::2], values[1::2]
     assert len(steering) == len(acceleration) == 3
     assert {each["STEER_REQUEST"] for each in steering} == {0}
@@ -128,7 +130,7 @@ def test_silence_of_the_yaw_rate_makes_the_yaw_rate_absent(one, senders):
 def test_a_report_with_a_wrong_checksum_or_a_repeated_counter_does_not_renew_the_state(one, senders):
     one.report(can_rig.state(), senders)
     one.actuator.read(now_s=1.0)
-    sensor = senders[0].frame(can_rig.reported(can_rig.state()))
+    sensor = senders[0].frame(can_rig.report_quantities(can_rig.state()))
     one.put(senders[0].address, sensor[:-1] + bytes([sensor[-1] ^ 1]))
     one.actuator.read(now_s=1.05)
     assert one.actuator.values() == (("refused STEER_TORQUE_SENSOR checksum", "1"),)
@@ -149,7 +151,7 @@ def test_frames_that_waited_through_a_pause_are_dropped(one, senders):
 def with_more_of_the_driver(tmp_path, request):
     """A map whose message of the yaw rate carries a quantity of the driver instead."""
     old = "quantity: yaw_rate_radps, scale: 57.29578"
-    rig = can_rig.OneBus(can_rig.copied(tmp_path, **{old: f"quantity: {request.param}"}))
+    rig = can_rig.OneBus(can_rig.copy_map(tmp_path, **{old: f"quantity: {request.param}"}))
     yield rig
     rig.close()
 
@@ -218,10 +220,10 @@ def test_a_refused_frame_does_not_keep_the_safe_state_from_being_sent_again(one,
         send(message, timeout)
 
     one.actuator.write(can_rig.command(), now_s=1.0)
-    one.sent()
+    one.drain_frames()
     monkeypatch.setattr(one.actuator._wire._bus, "send", refuse_once)
     one.actuator.close()
-    addresses = [message.arbitration_id for message in one.sent()]
+    addresses = [message.arbitration_id for message in one.drain_frames()]
     assert (addresses.count(STEERING), addresses.count(ACCELERATION)) == (2, 3)
 
 
@@ -282,7 +284,7 @@ def test_the_same_over_a_virtual_interface_of_the_kernel(senders):
     actuator.write(can_rig.command(), now_s=1.0)
     assert {end.recv(timeout=5).arbitration_id for _ in range(2)} == {STEERING, ACCELERATION}
     for sender in senders:
-        data = sender.frame(can_rig.reported(can_rig.state(speed_mps=3.0)))
+        data = sender.frame(can_rig.report_quantities(can_rig.state(speed_mps=3.0)))
         end.send(can.Message(arbitration_id=sender.address, data=data, is_extended_id=False))
     assert until(lambda: actuator.read(now_s=1.0), patience_s=5)
     actuator.close()

@@ -31,7 +31,7 @@ UNUSED = {
 
 def with_text(folder: Path, text: str, **changes: str) -> Path:
     """The map of the shuttle, with ``text`` at the end of its DBC and ``changes`` in its text."""
-    path = can_rig.copied(folder)
+    path = can_rig.copy_map(folder)
     dbc = folder / "shuttle.dbc"
     whole = dbc.read_text() + text
     for old, new in changes.items():
@@ -48,7 +48,7 @@ def line_of(dbc: Path, start: str) -> int:
 @pytest.mark.parametrize("fault", UNUSED)
 def test_a_fault_that_no_mapped_signal_touches_changes_no_byte(tmp_path, fault):
     signals = can_rig.load_map(with_text(tmp_path, UNUSED[fault]), can_rig.VEHICLE)
-    quantities = can_rig.commanded(can_rig.command(angle_rad=0.1, accel_mps2=-1.0))
+    quantities = can_rig.command_quantities(can_rig.command(angle_rad=0.1, accel_mps2=-1.0))
     for ours, shipped in zip(signals.senders(), can_rig.SHUTTLE.senders(), strict=True):
         assert (ours.address, ours.extended) == (shipped.address, shipped.extended)
         assert ours.frame(quantities) == shipped.frame(quantities)

@@ -37,7 +37,7 @@ def oracle(tmp_path_factory):
 
 
 def quantities(angle_rad=0.0, accel_mps2=0.0, t_s=1.0):
-    return can_rig.commanded(can_rig.command(angle_rad, accel_mps2, t_s=t_s))
+    return can_rig.command_quantities(can_rig.command(angle_rad, accel_mps2, t_s=t_s))
 
 
 @given(angles_rad=st.lists(ANGLE_RAD, min_size=1, max_size=5))
@@ -123,7 +123,7 @@ def test_a_state_comes_through_the_wire_within_the_resolution_of_its_signals():
 def test_scale_offset_and_sign_act_as_the_map_says(tmp_path, sign):
     """signal = sign · scale · quantity + offset, as cantools decodes the frame."""
     new = f"quantity: steering_wheel_angle_rad, scale: 50, offset: 10, sign: {sign}}}"
-    path = can_rig.copied(tmp_path, **{"quantity: steering_wheel_angle_rad, scale: 57.29578}": new})
+    path = can_rig.copy_map(tmp_path, **{"quantity: steering_wheel_angle_rad, scale: 57.29578}": new})
     signals = can_rig.load_map(path, can_rig.VEHICLE)
     frame = signals.sender(signals.settings.commands[0]).frame(quantities(0.1))
     decoded = cantools.database.load_file(tmp_path / "shuttle.dbc").decode_message("STEERING_LTA", frame)

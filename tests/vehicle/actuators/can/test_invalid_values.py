@@ -105,7 +105,7 @@ def test_a_float_signal_that_is_not_finite_is_no_measurement(raw):
 @pytest.fixture
 def one(tmp_path):
     """A bus whose DBC names 1023 of the yaw rate, and 65535 of the speed, as not available."""
-    path = can_rig.copied(tmp_path)
+    path = can_rig.copy_map(tmp_path)
     with (tmp_path / "shuttle.dbc").open("a") as dbc:
         dbc.write('\nVAL_ 36 YAW_RATE 1023 "SNA";\nVAL_ 608 STEER_OVERRIDE 1 "Fault";\n')
     bus = can_rig.OneBus(path)

@@ -23,8 +23,8 @@ REPORT = (
 YAW = "{signal: YAW, quantity: yaw_rate_radps, scale: 57.29578}"
 
 
-def mapped(folder, signals=YAW, text=DBC):
-    path = can_rig.copied(folder)
+def map_of(folder, signals=YAW, text=DBC):
+    path = can_rig.copy_map(folder)
     shipped = (folder / "shuttle.dbc").read_text()
     (folder / "shuttle.dbc").write_text(shipped + text)
     whole = path.read_text()
@@ -42,7 +42,7 @@ def frame(**values):
 
 
 def test_frames_with_the_value_of_the_selector_are_read_and_others_passed_over(tmp_path):
-    read = receiver(mapped(tmp_path))
+    read = receiver(map_of(tmp_path))
     assert (read.address, read.extended) == (0x18FEF1FE, True)
     for count in range(60):
         if count % 2:
@@ -54,7 +54,7 @@ def test_frames_with_the_value_of_the_selector_are_read_and_others_passed_over(t
 
 
 def test_a_counter_that_is_in_every_frame_counts_those_that_are_passed_over(tmp_path):
-    read = receiver(mapped(tmp_path))
+    read = receiver(map_of(tmp_path))
     for count in range(0, 40, 2):  # three frames of another selector between two
         read.quantities(frame(MODE=2, COUNTER=(2 * count) % 16, YAW=1.0))
         for more in (1, 2, 3):
@@ -65,7 +65,7 @@ def test_a_counter_that_is_in_every_frame_counts_those_that_are_passed_over(tmp_
 
 
 def test_a_multiplexed_command_carries_its_selector(tmp_path):
-    path = can_rig.copied(tmp_path)
+    path = can_rig.copy_map(tmp_path)
     dbc = tmp_path / "shuttle.dbc"
     text = dbc.read_text().replace("SG_ PERMIT_BRAKING :", "SG_ PERMIT_BRAKING M :")
     text = text.replace("SG_ ENGAGED :", "SG_ ENGAGED m1 :").replace("SG_ ACCEL_CMD :", "SG_ ACCEL_CMD m1 :")
@@ -74,7 +74,7 @@ def test_a_multiplexed_command_carries_its_selector(tmp_path):
     path.write_text(path.read_text().replace("    constants: {PERMIT_BRAKING: 1}\n", ""))
     sender = can_rig.load_map(path, can_rig.VEHICLE).senders()[1]
     for accel_mps2 in (-3.0, 0.0, 1.5):
-        quantities = can_rig.commanded(can_rig.command(accel_mps2=accel_mps2))
+        quantities = can_rig.command_quantities(can_rig.command(accel_mps2=accel_mps2))
         data = sender.frame(quantities)
         assert data == plain.frame(quantities)
         message = cantools.database.load_string(text, database_format="dbc").get_message_by_name(
@@ -84,7 +84,7 @@ def test_a_multiplexed_command_carries_its_selector(tmp_path):
 
 
 def test_a_selector_that_is_sent_as_a_constant_is_refused(tmp_path):
-    path = can_rig.copied(tmp_path)
+    path = can_rig.copy_map(tmp_path)
     dbc = tmp_path / "shuttle.dbc"
     text = dbc.read_text().replace("SG_ PERMIT_BRAKING :", "SG_ PERMIT_BRAKING M :")
     dbc.write_text(text.replace("SG_ ENGAGED :", "SG_ ENGAGED m0 :"))
@@ -117,4 +117,4 @@ def test_signals_that_no_frame_holds_alone_are_refused_with_the_place_in_the_dbc
     tmp_path, signals, change, what
 ):
     with pytest.raises(InputError, match=rf"shuttle\.dbc:\d+:1: {what}"):
-        mapped(tmp_path, signals, DBC.replace(*change) if change[0] else DBC)
+        map_of(tmp_path, signals, DBC.replace(*change) if change[0] else DBC)

@@ -57,7 +57,7 @@ FAULTS = {
 @pytest.mark.parametrize("old", FAULTS)
 def test_a_map_that_does_not_fit_is_refused_with_its_place_and_the_nearest_name(tmp_path, old):
     new, message = FAULTS[old]
-    path = can_rig.copied(tmp_path, **{old: new})
+    path = can_rig.copy_map(tmp_path, **{old: new})
     with pytest.raises(InputError) as refused:
         can_rig.load_map(path, can_rig.VEHICLE)
     assert str(tmp_path) in str(refused.value)
@@ -68,14 +68,14 @@ def test_a_map_that_does_not_fit_is_refused_with_its_place_and_the_nearest_name(
 def test_a_map_whose_signal_holds_too_little_for_this_car_is_refused(tmp_path):
     wide = can_rig.VEHICLE.model_copy(update={"max_road_wheel_angle_rad": 0.7})
     with pytest.raises(InputError, match=r"holds -540 to 540 deg, -641\.7.* to 641\.7.* is needed"):
-        can_rig.load_map(can_rig.copied(tmp_path), wide)
+        can_rig.load_map(can_rig.copy_map(tmp_path), wide)
 
 
 @pytest.mark.parametrize(
     "text", ["", "BO_ broken", 'BO_ 401 STEERING_LTA: 8 A\n SG_ X : 7|99@0+ (1,0) [0|1] "" B\n']
 )
 def test_a_file_that_is_no_dbc_or_lacks_the_messages_is_refused_in_one_line(tmp_path, text):
-    path = can_rig.copied(tmp_path)
+    path = can_rig.copy_map(tmp_path)
     (tmp_path / "shuttle.dbc").write_text(text)
     with pytest.raises(InputError) as refused:
         can_rig.load_map(path, can_rig.VEHICLE)

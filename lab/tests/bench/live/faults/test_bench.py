@@ -64,7 +64,7 @@ def test_several_drives_at_a_time_give_every_episode_one_row_and_repeat_what_a_d
     at_once, most, drives = 0, 0, dict.fromkeys(WIRES, 0)
     lock = threading.Lock()
 
-    def driven(
+    def drive_faults(
         wire: str, faults: list[tuple[Fault, int]], interrupted: threading.Event
     ) -> list[dict[str, Any]]:
         nonlocal at_once, most
@@ -78,7 +78,7 @@ def test_several_drives_at_a_time_give_every_episode_one_row_and_repeat_what_a_d
             raise InputError("the drive did not begin")
         return [row(fault.name, wire=wire, number=number) for fault, number in faults[: 1 if short else None]]
 
-    monkeypatch.setattr(bench, "drive_faults", driven)
+    monkeypatch.setattr(bench, "drive_faults", drive_faults)
     rows: list[dict[str, Any]] = []
     bench.drive_all(list(TASKS), jobs, rows.append)
     assert sorted(map(case, map(bench.task_of, rows))) == sorted(map(case, TASKS))
@@ -86,10 +86,10 @@ def test_several_drives_at_a_time_give_every_episode_one_row_and_repeat_what_a_d
 
 
 def test_drives_that_never_begin_end_the_benchmark(monkeypatch: pytest.MonkeyPatch) -> None:
-    def driven(*_: object) -> list[dict[str, Any]]:
+    def drive_faults(*_: object) -> list[dict[str, Any]]:
         raise InputError("no bus")
 
-    monkeypatch.setattr(bench, "drive_faults", driven)
+    monkeypatch.setattr(bench, "drive_faults", drive_faults)
     with pytest.raises(InputError, match=r"4 drives in a row gave no episode; the last one: no bus"):
         bench.drive_all(list(TASKS), 2, lambda row: None)
 
@@ -99,7 +99,7 @@ def test_one_wire_that_never_begins_ends_the_benchmark_beside_one_that_does(
 ) -> None:
     begun = dict.fromkeys(WIRES, 0)
 
-    def driven(wire: str, faults: list[tuple[Fault, int]], _: object) -> list[dict[str, Any]]:
+    def drive_faults(wire: str, faults: list[tuple[Fault, int]], _: object) -> list[dict[str, Any]]:
         begun[wire] += 1
         if wire == CAN:
             raise InputError("no bus")
@@ -109,7 +109,7 @@ def test_one_wire_that_never_begins_ends_the_benchmark_beside_one_that_does(
         wire = WIRES[sum(begun.values()) % len(WIRES)]
         return [next(task for task in left if task[0] == wire)]
 
-    monkeypatch.setattr(bench, "drive_faults", driven)
+    monkeypatch.setattr(bench, "drive_faults", drive_faults)
     monkeypatch.setattr(bench, "next_drive", in_turns)
     with pytest.raises(InputError, match=f"{CAN}: {FAILURES} drives in a row gave no episode; .* no bus"):
         bench.drive_all(list(TASKS), 1, lambda row: None)
@@ -121,7 +121,7 @@ def test_the_rows_of_a_drive_are_kept_when_one_that_ended_with_it_fails(
 ) -> None:
     first, second = TASKS[:2]
 
-    def driven(wire: str, faults: list[tuple[Fault, int]], _: object) -> list[dict[str, Any]]:
+    def drive_faults(wire: str, faults: list[tuple[Fault, int]], _: object) -> list[dict[str, Any]]:
         if faults[0] == first[1:]:
             raise ValueError("no room")
         return [row(fault.name, wire=wire, number=number) for fault, number in faults]
@@ -130,7 +130,7 @@ def test_the_rows_of_a_drive_are_kept_when_one_that_ended_with_it_fails(
         wait(running)
         return SimpleNamespace(done=list(running))  # the one that fails is the first
 
-    monkeypatch.setattr(bench, "drive_faults", driven)
+    monkeypatch.setattr(bench, "drive_faults", drive_faults)
     monkeypatch.setattr(bench, "next_drive", lambda left: left[:1])
     monkeypatch.setattr(bench, "wait", all_in_order)
     rows: list[dict[str, Any]] = []

@@ -19,7 +19,7 @@ HALF_M = WIDTH_M / 2
 
 
 @cache
-def painted(**mark) -> tuple[np.ndarray, np.ndarray]:
+def painted_pixels(**mark) -> tuple[np.ndarray, np.ndarray]:
     """Stations and offsets of all painted pixels of one mark at 10 m."""
     seen = plan(straight(LANES, marks=({"at_m": 10.0} | mark,)), to_m=18, right_m=-5, left_m=5)
     rows, columns = np.nonzero(seen.yellow() if mark.get("paint") else seen.white())
@@ -29,13 +29,13 @@ def painted(**mark) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("kind", [kind for kind in MarkKind if kind.name.startswith("ARROW")])
 @pytest.mark.parametrize(("lane", "centre_m"), [(0, 0.0), (1, HALF_M + 1.5), (-1, -HALF_M - 1.4)])
 def test_an_arrow_lies_in_its_lane_between_its_stations(kind, lane, centre_m):
-    x, y = painted(kind=kind, lane=lane)
+    x, y = painted_pixels(kind=kind, lane=lane)
     assert len(x) > 500 and x.min() == pytest.approx(10.0, abs=0.06) and x.max() <= 15.03
     assert np.abs(y - centre_m).max() < 0.9
 
 
 def test_an_arrow_points_in_its_direction():
-    tip = {kind: painted(kind=kind) for kind in MarkKind if kind.name.startswith("ARROW")}
+    tip = {kind: painted_pixels(kind=kind) for kind in MarkKind if kind.name.startswith("ARROW")}
     assert tip[MarkKind.ARROW_STRAIGHT][0].max() == pytest.approx(15.0, abs=0.15)
     assert np.abs(tip[MarkKind.ARROW_STRAIGHT][1]).max() < 0.35
     for kind, side in (
@@ -48,18 +48,18 @@ def test_an_arrow_points_in_its_direction():
 
 def test_left_and_right_arrows_are_mirror_images():
     for left, right in (("arrow_left", "arrow_right"), ("arrow_straight_left", "arrow_straight_right")):
-        (xl, yl), (xr, yr) = painted(kind=left), painted(kind=right)
+        (xl, yl), (xr, yr) = painted_pixels(kind=left), painted_pixels(kind=right)
         assert len(xl) == pytest.approx(len(xr), rel=0.03)
         assert (xl.mean(), yl.mean()) == pytest.approx((xr.mean(), -yr.mean()), abs=0.02)
 
 
 def test_an_oncoming_mark_is_rotated():
-    (x, y), (xo, yo) = painted(kind="arrow_left"), painted(kind="arrow_left", oncoming=True)
+    (x, y), (xo, yo) = painted_pixels(kind="arrow_left"), painted_pixels(kind="arrow_left", oncoming=True)
     assert (25.0 - xo.mean(), -yo.mean()) == pytest.approx((x.mean(), y.mean()), abs=0.03)
 
 
 def test_a_stop_line_spans_only_its_lane():
-    x, y = painted(kind="stop_line", lane=1)
+    x, y = painted_pixels(kind="stop_line", lane=1)
     assert (x.min(), x.max()) == pytest.approx((10.0, 10.5), abs=0.03)
     assert (y.min(), y.max()) == pytest.approx((HALF_M, HALF_M + 3.0), abs=0.03)
 
@@ -78,7 +78,7 @@ def test_a_zebra_crossing_has_stripes_of_half_a_metre_across_all_lanes():
 
 def test_text_is_upright_for_the_driver():
     """The letter L has its upright on the left and its foot at the near end."""
-    x, y = painted(kind="text", text="L")
+    x, y = painted_pixels(kind="text", text="L")
     assert (x.min(), x.max()) == pytest.approx((10.0, 12.4), abs=0.06)
     upright, foot = y > y.max() - 0.12, x < x.min() + 0.3
     assert np.ptp(x[upright]) > 2.1 and np.ptp(y[foot]) > 0.4
@@ -86,9 +86,11 @@ def test_text_is_upright_for_the_driver():
 
 
 def test_yellow_and_worn_marks():
-    x, _ = painted(kind="stop_line", paint=Paint.YELLOW)
+    x, _ = painted_pixels(kind="stop_line", paint=Paint.YELLOW)
     assert len(x) > 0.9 * 20 * WIDTH_M * 40
-    assert len(painted(kind="stop_line", wear=0.7)[0]) < 0.75 * len(painted(kind="stop_line")[0])
+    assert len(painted_pixels(kind="stop_line", wear=0.7)[0]) < 0.75 * len(
+        painted_pixels(kind="stop_line")[0]
+    )
 
 
 def test_a_mark_is_rendered_in_the_camera_image():

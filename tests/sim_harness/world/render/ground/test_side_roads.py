@@ -14,14 +14,14 @@ SECTION = bare(
 )
 
 
-def seen_with(**junction):
+def plan_with(**junction):
     place = {"kind": "driveway", "side": "right", "at_m": 20, "width_m": 5, "radius_m": 2} | junction
     return plan(straight(SECTION, junctions=(place,)), right_m=-12, left_m=12)
 
 
 @pytest.mark.parametrize(("side", "edge_m"), [("right", -HALF_M - 0.3), ("left", HALF_M + 3.3)])
 def test_a_side_road_has_its_width_and_side(side, edge_m):
-    seen = seen_with(side=side)
+    seen = plan_with(side=side)
     dark = seen.dark()
     beyond = edge_m + np.sign(edge_m) * 3.0
     assert lengths_m(dark[seen.row(beyond)]) == pytest.approx([5.0], abs=0.1)
@@ -30,7 +30,7 @@ def test_a_side_road_has_its_width_and_side(side, edge_m):
 
 
 def test_the_corners_are_rounded_with_the_radius():
-    seen = seen_with(radius_m=3)
+    seen = plan_with(radius_m=3)
     dark = seen.dark()
     for away_m in (0.5, 1.0, 2.0):
         width_m = 5 + 2 * (3 - np.sqrt(9 - (3 - away_m) ** 2))
@@ -48,14 +48,14 @@ def test_the_corners_are_rounded_with_the_radius():
     ],
 )
 def test_lines_are_interrupted_at_the_mouth(kind, side, open_):
-    seen = seen_with(kind=kind, side=side)
+    seen = plan_with(kind=kind, side=side)
     for offset_m, is_open in zip((-HALF_M, HALF_M, HALF_M + 3), open_, strict=True):
         line = seen.white()[seen.row(offset_m)]
         assert lengths_m(~line) == pytest.approx([9.0] if is_open else [], abs=0.06)
 
 
 def test_the_kerb_is_open_at_the_mouth():
-    seen = seen_with()
+    seen = plan_with()
     kerb = seen.bgr[seen.row(-HALF_M - 0.4)].min(axis=1) > 110
     assert not kerb[seen.column(16.5) : seen.column(23.5)].any()
     assert kerb[: seen.column(15)].mean() > 0.9 and kerb[seen.column(25) :].mean() > 0.9
@@ -63,7 +63,7 @@ def test_the_kerb_is_open_at_the_mouth():
 
 def test_the_stop_line_of_a_side_road_spans_its_right_half():
     for side, sign in (("right", -1), ("left", 1)):
-        seen = seen_with(kind="intersection", side=side, centre_line=True)
+        seen = plan_with(kind="intersection", side=side, centre_line=True)
         edge_m = HALF_M + 0.3 + (3 if side == "left" else 0)
         stop = seen.white()[seen.row(sign * (edge_m + 1.25)), seen.column(17.8) : seen.column(22.2)]
         stations = seen.x_m[seen.column(17.8) : seen.column(22.2)][stop] - 20
@@ -71,7 +71,7 @@ def test_the_stop_line_of_a_side_road_spans_its_right_half():
 
 
 def test_a_side_road_may_have_another_surface():
-    asphalt, gravel = seen_with(), seen_with(surface="gravel")
+    asphalt, gravel = plan_with(), plan_with(surface="gravel")
     place = (slice(asphalt.row(-9), asphalt.row(-7)), slice(asphalt.column(19), asphalt.column(21)))
     redness = [
         seen.bgr[place][:, :, 2].mean() / seen.bgr[place][:, :, 0].mean() for seen in (asphalt, gravel)
@@ -81,4 +81,4 @@ def test_a_side_road_may_have_another_surface():
 
 def test_a_junction_beyond_the_road_is_refused():
     with pytest.raises(ValidationError, match=r"junctions.0 lies at 200.0 m, beyond the road's 100.0 m"):
-        seen_with(at_m=200)
+        plan_with(at_m=200)

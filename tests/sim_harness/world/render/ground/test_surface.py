@@ -15,7 +15,7 @@ EDGE_M = WIDTH_M / 2 + 0.3
 SNOW = {"verge": Verge.SNOW}
 
 
-def paved_m(seed: int = 0, **section) -> np.ndarray:
+def paved_width_m(seed: int = 0, **section) -> np.ndarray:
     """Width of the dark carriageway in snow at every station."""
     return (plan(straight(bare(**SNOW | section)), to_m=90, seed=seed).bgr.max(axis=2) < 140).sum(
         axis=0
@@ -49,7 +49,7 @@ def test_trodden_snow_covers_about_its_share_and_less_in_wheel_tracks():
 
 
 def test_broken_edges_change_only_the_edge():
-    sound, few, many = (paved_m(edge_breaks=share) for share in (0.0, 0.2, 0.7))
+    sound, few, many = (paved_width_m(edge_breaks=share) for share in (0.0, 0.2, 0.7))
     assert sound == pytest.approx(2 * EDGE_M, abs=0.2)
     assert (few < sound - 0.1).mean() < (
         many < sound - 0.1

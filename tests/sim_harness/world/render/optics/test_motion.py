@@ -16,7 +16,7 @@ SHAKE = Shake(CAMERA, HORIZON)
 BEND = ShutterMotion(speed_mps=8.0, yaw_rate_radps=0.5)
 
 
-def moved(matrix, pixel):
+def move_pixel(matrix, pixel):
     u, v, w = matrix @ (*pixel, 1.0)
     return np.array([u / w, v / w])
 
@@ -36,7 +36,7 @@ def test_a_point_of_the_ground_moves_as_the_camera_model_predicts():
     later = np.array([[9.0, 1.5]])  # in the vehicle's axes after 40 ms
     before = road_after(BEND, 0.04) @ (*later[0], 1.0)
     expected = CAMERA.pixel_from_road([before[:2]])[0]
-    assert moved(SHAKE.ground(BEND, 0.04), CAMERA.pixel_from_road(later)[0]) == pytest.approx(expected)
+    assert move_pixel(SHAKE.ground(BEND, 0.04), CAMERA.pixel_from_road(later)[0]) == pytest.approx(expected)
 
 
 def test_consecutive_motions_multiply():
@@ -66,7 +66,7 @@ def test_a_point_is_blurred_along_its_path():
     image[150, 230] = 255
     speed = ShutterMotion(10.0, 0.0)
     lit = np.argwhere(SHAKE.blur(image, speed, 0.05)[:, :, 0] > 0)
-    end = moved(np.linalg.inv(SHAKE.ground(speed, 0.05)), (230.0, 150.0))
+    end = move_pixel(np.linalg.inv(SHAKE.ground(speed, 0.05)), (230.0, 150.0))
     assert lit[:, 1].min() >= 228 and lit[:, 0].min() >= 148
     assert lit[:, 1].max() == pytest.approx(end[0], abs=3) and lit[:, 0].max() == pytest.approx(end[1], abs=3)
 

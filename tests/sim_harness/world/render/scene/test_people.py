@@ -21,7 +21,7 @@ ROAD = load_road("straight")
 WALK = replace(FIGURES[Shape.ADULT], speed_mps=1.4)
 
 
-def drawn(figure, pose, *, camera=CAMERA):
+def draw_person(figure, pose, *, camera=CAMERA):
     image = np.full((camera.height_px, camera.width_px, 3), GREY, np.uint8)
     draw_figure(image, camera, figure, pose)
     return image
@@ -59,7 +59,7 @@ def test_the_outline_reaches_from_the_ground_to_the_height_of_the_body_around_it
 def test_the_picture_of_a_figure_lies_within_its_outline(shape):
     pose, figure = (9.0, 1.0, 0.8), replace(FIGURES[shape], looks=4)
     hull = figure_outline(CAMERA, figure, pose).reshape(-1, 2) / 16
-    rows, columns = np.nonzero(body_of(drawn(figure, pose)))
+    rows, columns = np.nonzero(body_of(draw_person(figure, pose)))
     assert len(rows) > 0
     wheel_px = 0.30 * CAMERA.fx_px / 8 if shape is Shape.CYCLIST else 2.0
     assert hull[:, 0].min() - wheel_px <= columns.min() <= columns.max() <= hull[:, 0].max() + wheel_px
@@ -90,19 +90,20 @@ def test_walking_legs_are_apart_and_together_twice_in_a_stride():
     assert wide_px(stride_m * 3 / 4) == pytest.approx(apart, rel=0.1)
     still = replace(WALK, speed_mps=0.0)
     assert np.array_equal(
-        drawn(replace(still, walked_m=0.1), (9, 0, 1)), drawn(replace(still, walked_m=0.6), (9, 0, 1))
+        draw_person(replace(still, walked_m=0.1), (9, 0, 1)),
+        draw_person(replace(still, walked_m=0.6), (9, 0, 1)),
     )
 
 
 def test_looks_follow_the_seed():
-    images = [drawn(replace(WALK, looks=k), (6.0, 0.0, 0.0)).tobytes() for k in (*range(8), 0)]
+    images = [draw_person(replace(WALK, looks=k), (6.0, 0.0, 0.0)).tobytes() for k in (*range(8), 0)]
     assert images[0] == images[8]
     assert len(set(images)) >= 6
 
 
 def test_nothing_is_drawn_behind_the_lens():
     for x_m in (-5.0, 0.0, CAMERA.x_m + 0.2):
-        assert (drawn(WALK, (x_m, 0.0, 0.0)) == GREY).all()
+        assert (draw_person(WALK, (x_m, 0.0, 0.0)) == GREY).all()
         assert figure_outline(CAMERA, WALK, (x_m, 0.0, 0.0)) is None
 
 

@@ -13,7 +13,7 @@ from trepid.config import CONFIG_DIR, load
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 
 
-def drawn(thing: Thing, pose: tuple[float, float, float]) -> np.ndarray:
+def draw_posed(thing: Thing, pose: tuple[float, float, float]) -> np.ndarray:
     image = np.zeros((240, 320, 3), np.uint8)
     draw_thing(image, CAMERA, thing, pose)
     return image
@@ -25,7 +25,7 @@ def pixel(x_m: float, y_m: float, z_m: float) -> np.ndarray:
 
 @pytest.mark.parametrize("above_m", [0.0, 0.4])
 def test_a_block_fills_its_projected_front(above_m):
-    image = drawn(Thing(ThingShape.BLOCK, 0.2, 1.5, 0.9, (255, 255, 255), above_m), (12.0, 1.0, 0.0))
+    image = draw_posed(Thing(ThingShape.BLOCK, 0.2, 1.5, 0.9, (255, 255, 255), above_m), (12.0, 1.0, 0.0))
     rows, columns = np.nonzero(image[..., 0] > 128)
     left, right = pixel(11.9, 1.75, above_m), pixel(11.9, 0.25, 0.9)
     assert (columns.min(), columns.max()) == pytest.approx((left[0], right[0]), abs=1)
@@ -34,14 +34,16 @@ def test_a_block_fills_its_projected_front(above_m):
 
 def test_a_house_shows_the_windows_of_the_side_towards_the_camera():
     house = Thing(ThingShape.HOUSE, 10.0, 6.0, 6.5, (200, 200, 200))
-    beside = (drawn(house, (16.0, 8.0, 0.0)) == GLASS).all(axis=2)
+    beside = (draw_posed(house, (16.0, 8.0, 0.0)) == GLASS).all(axis=2)
     rows, columns = np.nonzero(beside)
     assert len(rows) > 20 and columns.max() < CAMERA.cx_px
-    assert not (drawn(house, (20.0, 0.0, 0.0)) == GLASS).all(axis=2).any()  # its end is towards the camera
+    assert (
+        not (draw_posed(house, (20.0, 0.0, 0.0)) == GLASS).all(axis=2).any()
+    )  # its end is towards the camera
 
 
 def test_a_tree_has_its_height_and_its_foot_on_the_ground():
-    image = drawn(Thing(ThingShape.TREE, 0.4, 3.0, 5.0, (40, 120, 60)), (20.0, 2.0, 0.0))
+    image = draw_posed(Thing(ThingShape.TREE, 0.4, 3.0, 5.0, (40, 120, 60)), (20.0, 2.0, 0.0))
     rows = np.flatnonzero(image.any(axis=(1, 2)))
     assert rows.max() == pytest.approx(pixel(20.0, 2.0, 0.0)[1], abs=1.5)
     assert rows.min() == pytest.approx(max(pixel(20.0, 2.0, 5.0)[1], 0), abs=4)
@@ -49,7 +51,7 @@ def test_a_tree_has_its_height_and_its_foot_on_the_ground():
 
 @pytest.mark.parametrize("shape", list(ThingShape))
 def test_nothing_is_drawn_of_a_thing_behind_the_camera(shape):
-    assert not drawn(Thing(shape, 4.0, 4.0, 4.0, (200, 200, 200)), (-8.0, 1.0, 0.0)).any()
+    assert not draw_posed(Thing(shape, 4.0, 4.0, 4.0, (200, 200, 200)), (-8.0, 1.0, 0.0)).any()
 
 
 def test_a_renderer_draws_the_near_things_of_its_road_and_hides_the_farther_ones():
