@@ -21,6 +21,7 @@ from learning.dataset.wheel import WheelOptions
 from trepid.clock import nanoseconds
 from trepid.messages import SteeringEstimate
 from trepid.recording.reader import read_recording
+from trepid.recording.scan import leave_out
 from trepid.topics import estimate_topic
 from trepid.types import Column, Mask
 
@@ -40,7 +41,8 @@ class Drift:
 def correction_log(path: Path, network: str, drift: Drift, faults: Faults) -> Log:
     """The frames of a drive alone, with the angle of the expert; steady ones are left out. Raises InputError."""
     log = read_drive(path, faults, labels_of=EXPERT)
-    recorded = read_recording(path, estimate_topic(EXPERT).key, estimate_topic(network).key)
+    keys = (estimate_topic(EXPERT).key, estimate_topic(network).key)
+    recorded = read_recording(path, *keys, damage=leave_out)
     expert, driven = (
         {
             nanoseconds(one.t_s): one

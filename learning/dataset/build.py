@@ -137,7 +137,8 @@ def build(
     unusable = clean(as_rows(columns), options.leave_out)
     if short := too_short(options.split, t_s, route, unusable):
         warn(
-            f"trepid: {short}; all frames are in the split {SPLITS[0]}, and nothing is left to judge a network by"
+            f"trepid: {short}; all frames are in the split {SPLITS[0]}, and nothing is left to judge a network by:"
+            " a longer drive, or a smaller --gap-s, leaves some"
         )
         split, why = np.where(unusable == "", SPLITS[0], NONE), unusable
     else:
@@ -168,7 +169,8 @@ def _check_splits(rule: Split, rows: Rows) -> None:
             if back.any():
                 causes.append(f"time runs back {back.sum()} times: sort the log by time")
             gap = f"with a gap of {rule.gap_s:g} s (--gap-s)"
-            raise InputError("; ".join([f"no row of {len(rows)} is left for {name} {gap}", *causes]))
+            remedy = "a longer drive, or a smaller gap, leaves some"
+            raise InputError("; ".join([f"no row of {len(rows)} is left for {name} {gap}", *causes, remedy]))
 
 
 def _check_options(logs: list[Log], options: BuildOptions) -> None:

@@ -154,6 +154,25 @@ class Dataset:
             raise InputError(f"no split {split!r}; there are {', '.join((*SPLITS, NONE))}")
         return self._index[self._index["split"] == split]
 
+    def labelled_rows(self, split: str) -> Rows:
+        """The rows of a split that have a label. Raises InputError without any, with what makes some."""
+        rows = self.rows(split)
+        rows = rows[np.isfinite(rows["road_wheel_rad"])]
+        if len(rows):
+            return rows
+        rule = self.file.split
+        share = rule.shares.get(split, 1.0)  # type: ignore[call-overload]  # also of the split of the others
+        remedy = (
+            f"with a longer drive, or with less than --gap-s {rule.gap_s:g}"
+            if share > 0
+            else "with --shares that give it some"
+        )
+        there = {name: int((self._index["split"] == name).sum()) for name in (*SPLITS, NONE)}
+        held = ", ".join(f"{name} {count}" for name, count in there.items())
+        raise InputError(
+            f"{self.folder}: no labelled frame in the split {split!r} ({held}): build it again {remedy}"
+        )
+
     def image(self, row: np.void) -> Image:
         """The image of a row: uint8, (height, width, 3), BGR. Raises InputError.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from trepid.config import InputError
 from trepid.images.files import VIDEO_SUFFIXES, read_image
 from trepid.images.video import video_frames
+from trepid.recording.scan import leave_out
 from trepid.types import Image
 from vehicle.cameras.files import mcap_shots
 from vehicle.cameras.playback import UndecodedFrame
@@ -58,7 +59,7 @@ class PictureReader:
 def _recorded_frames(path: Path, topic: str) -> Generator[UndecodedFrame, None, None]:
     from trepid.recording.foreign import types_of
 
-    yield from mcap_shots(path, topic, types_of(path)[topic])
+    yield from mcap_shots(path, topic, types_of(path)[topic], damage=leave_out)
 
 
 def _film_frames(path: Path) -> Generator[UndecodedFrame, None, None]:

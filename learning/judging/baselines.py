@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from learning.dataset.dataset import Dataset, Rows
 from learning.dataset.split import without_steering
 from learning.judging.scores import Angles, Scores
-from trepid.config import InputError
 from trepid.types import Floats
 
 AGO_S = 0.2
@@ -61,14 +60,11 @@ class Baselines:
 
         Raises InputError for an unknown split and for one without labelled frames.
         """
-        dataset.rows(split)  # raises for an unknown name
+        self.split = split
+        self.rows: Rows = dataset.labelled_rows(split)
         every = dataset.rows()
         labelled = every[np.isfinite(every["road_wheel_rad"])]
         judged: Flags = labelled["split"] == split
-        if not judged.any():
-            raise InputError(f"{dataset.folder}: no labelled frame in the split {split!r}")
-        self.split = split
-        self.rows: Rows = labelled[judged]
         self.true_rad: Angles = self.rows["road_wheel_rad"]
         learned = (trained or dataset).rows("train")["road_wheel_rad"]
         learned = learned[np.isfinite(learned)]

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learning.dataset.dataset import Dataset, pieces_of
-from trepid.config import InputError
 from trepid.types import Floats, Image
 
 REPORT_EVERY = 1000
@@ -49,10 +48,7 @@ def read_frames(
     They are kept in ``folder``; those of an earlier call for the same data and size are used again. Raises
     InputError when the split has none.
     """
-    rows = data.rows(split)
-    rows = rows[np.isfinite(rows["road_wheel_rad"])]
-    if not len(rows):
-        raise InputError(f"{data.folder}: no labelled frame in the split {split!r}")
+    rows = data.labelled_rows(split)
     path, stored = folder / f"{split}.npy", folder / f"{split}.json"
     key = json.dumps({"data": data.sha256, "height": height, "width": width})
     if not (path.is_file() and stored.is_file() and stored.read_text(encoding="utf-8") == key):

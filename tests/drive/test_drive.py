@@ -6,14 +6,18 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
 import pytest
 from process_rig import alive, until
 
 from trepid.config import ROOT
+from trepid.recording.reader import read_recording
+from trepid.topics import VEHICLE_STATE
 
 PROCESSES = ("vehicle", "camera", "cv", "cnn", "lead", "supervisor", "controller", "recorder", "page")
 # A quarter of the kilometre: painting all of it takes a second.
@@ -164,6 +168,35 @@ def test_two_drives_on_one_machine_do_not_receive_each_others_messages() -> None
     assert returncode == 1
     assert "stopped by SIGINT" in row["reasons"]
     assert not any("process" in why for why in row["reasons"])
+
+
+SETTABLE_CLOCK = """
+import pathlib, time
+real_s, real_ns, by_s = time.time, time.time_ns, lambda: float(pathlib.Path({path!r}).read_text())
+time.time = lambda: real_s() + by_s()
+time.time_ns = lambda: real_ns() + int(1e9 * by_s())
+"""
+
+
+@pytest.mark.parametrize("step_s", [3600.0, -3600.0])
+def test_a_wall_clock_that_is_set_during_a_drive_changes_neither_the_drive_nor_its_recording(
+    step_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_s, recording = tmp_path / "by_s", tmp_path / "drive.mcap"
+    by_s.write_text("0.0")
+    (tmp_path / "sitecustomize.py").write_text(SETTABLE_CLOCK.format(path=str(by_s)))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    began_s = time.time()
+    drive = driving(2.0, *SHORT_ROAD, "--duration", "14", "--record", str(recording))
+    by_s.write_text(str(step_s))
+    _, row = drive.result()
+    assert row["departures"] == row["interventions"] == 0
+    assert all(process["restarts"] == 0 for process in row["processes"].values())
+    recorded = read_recording(recording, VEHICLE_STATE.key)
+    arrivals = np.array([(at_s, state.t_s, state.speed_mps) for at_s, state in recorded.of(VEHICLE_STATE)])
+    assert recorded.complete and began_s < arrivals[0, 0] < arrivals[-1, 0] < time.time()
+    assert (np.diff(arrivals[:, 1]) > 0).all() and np.abs(arrivals[:, 0] - arrivals[:, 1]).max() < 1.0
+    assert arrivals[-1, 2] > 2.0, "it drove on"
 
 
 def test_a_process_that_the_scenario_loses_stops_the_car_and_is_no_failure_of_the_drive() -> None:

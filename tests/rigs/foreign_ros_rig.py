@@ -5,6 +5,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from mcap.reader import make_reader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -55,3 +56,15 @@ def bag(folder: Path, topics: dict[str, tuple[str, list[tuple[int, bytes]]]]) ->
                 writer.write(connection, at_ns, data)
     (path,) = folder.glob("*.mcap")
     return path
+
+
+def damage_chunk(path: Path, number: int) -> None:
+    """Overwrite bytes in the middle of the chunk ``number`` of a recording."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunk = sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset)[number]
+    data = bytearray(path.read_bytes())
+    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
+    data[middle : middle + 8] = b"\x55" * 8
+    path.write_bytes(data)

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from trepid.clock import seconds
 from trepid.config import InputError
-from trepid.recording.scan import records
+from trepid.recording.scan import Damage, records
 from trepid.recording.writer import BEGAN, DRIVE
 from trepid.topics import Topic, topic_of
 from trepid.wire import DERIVED, WireError, check_fields, definition, from_cdr, ros_name
@@ -39,7 +39,7 @@ class RecordingContent:
     notes: dict[str, str] = field(default_factory=dict)  # about the drive: trepid.recording.notes
     first_s: float = math.nan  # arrival of the first message of any topic ...
     last_s: float = math.nan  # ... and of the last
-    complete: bool = False  # False: cut short, or broken somewhere
+    complete: bool = False  # False: the end of the file was not reached
     malformed: Counter[str] = field(default_factory=Counter)
     """Number of messages by topic that were malformed on the bus already; they are left out."""
 
@@ -60,13 +60,18 @@ class RecordingContent:
 
 
 def read_recording(
-    path: Path, *keys: str, from_s: float = -math.inf, to_s: float = math.inf
+    path: Path,
+    *keys: str,
+    from_s: float = -math.inf,
+    to_s: float = math.inf,
+    damage: Damage | None = None,
 ) -> RecordingContent:
     """The messages that arrived from ``from_s`` to ``to_s`` on topics that match one of ``keys`` (with ``*``).
 
+    With ``damage``, corrupted chunks are left out and reported, without it the first one is the end.
     Raises InputError when ``path`` is no MCAP file, or holds other types on the topics of Trepid.
     """
-    recorded, series = read_series(path, *keys, from_s=from_s, to_s=to_s)
+    recorded, series = read_series(path, *keys, from_s=from_s, to_s=to_s, damage=damage)
     for key, one in series.items():
         for place, at_s in enumerate(one.at_s):
             try:
@@ -125,7 +130,11 @@ class Series(Sequence[M]):
 
 
 def read_series(
-    path: Path, *keys: str, from_s: float = -math.inf, to_s: float = math.inf
+    path: Path,
+    *keys: str,
+    from_s: float = -math.inf,
+    to_s: float = math.inf,
+    damage: Damage | None = None,
 ) -> tuple[RecordingContent, dict[str, Series[Any]]]:
     """As :func:`read_recording`, with the messages in series that are decoded later.
 
@@ -141,7 +150,7 @@ def read_series(
         key = name.removeprefix("/")
         return topic_of(key) is not None and any(fnmatchcase(key, pattern) for pattern in keys)
 
-    for record in records(path, is_asked_for):
+    for record in records(path, is_asked_for, damage=damage):
         match record:
             case McapMessage():
                 at_s = seconds(record.log_time)

@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import ExitStack, suppress
 from datetime import datetime
 from pathlib import Path
@@ -117,7 +117,7 @@ class Ring:
 def prune(root: Path, most_bytes: float, *, own: Path) -> None:
     """Delete the oldest parts of all drives below ``root`` beyond ``most_bytes``, and empty folders but ``own``."""
     with suppress(OSError):
-        parts = sorted(root.glob("*/*.mcap"), key=lambda path: path.stat().st_mtime)
+        parts = _by_age(root, alive={own.name, *(drive.ring for drive in running())})
         excess = sum(path.stat().st_size for path in parts) - most_bytes
         for path in parts[:-1]:
             if excess <= 0:
@@ -128,6 +128,21 @@ def prune(root: Path, most_bytes: float, *, own: Path) -> None:
             with suppress(OSError):  # not empty
                 if folder != own:
                     folder.rmdir()
+
+
+def _by_age(root: Path, *, alive: Collection[str | None]) -> list[Path]:
+    """The parts below ``root``, the oldest first. Raises OSError.
+
+    Those of drives that have ended, by the time of their files; then those of the drives ``alive``, by the number
+    of newer parts of the same drive: after a wall clock was set back, the newest part would be the oldest file.
+    """
+    ranked = []
+    for folder in root.iterdir():
+        parts = sorted(folder.glob("*.mcap"))
+        for place, part in enumerate(parts):
+            age = place - len(parts) if folder.name in alive else part.stat().st_mtime
+            ranked.append((folder.name in alive, age, part))
+    return [part for *_, part in sorted(ranked)]
 
 
 def ring_name(*, now_s: float) -> str:

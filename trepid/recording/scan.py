@@ -60,8 +60,14 @@ _OTHERS = (
 """How files begin that stand where a recording should, the longest first, and what to say of them."""
 Wanted = Callable[[str], bool]
 """Whether the messages on a topic are read."""
-Damage = Callable[[str], None]
-"""Called with what is lost, and where in the file."""
+Damage = Callable[[str, int], None]
+"""Called with what is lost and where in the file, and with the number of wanted messages in it; 0: unknown."""
+CUT_SHORT = "the file is cut short, or nothing in it can be read from here on"
+"""What is lost at the end of a file, as a crash of its writer leaves it."""
+
+
+def leave_out(_what: str, _messages: int) -> None:
+    """A :data:`Damage` for what an earlier reading of the file has reported."""
 
 
 def records(
@@ -89,7 +95,7 @@ def records(
                 f"{path}: not a recording: an MCAP file cut short before its first record"
             ) from error
         if damage is not None:
-            damage("the file is cut short, or nothing in it can be read from here on")
+            damage(CUT_SHORT, 0)
 
 
 def _other(beginning: bytes) -> str:
@@ -117,9 +123,9 @@ def _records(file: IO[bytes], wanted: Wanted, damage: Damage | None) -> Iterator
             except _BROKEN:
                 if damage is None:
                     raise
-                damage(
-                    f"the {length} bytes from byte {begin} on are corrupted, and the messages in them lost"
-                )
+                file.seek(begin + length)
+                what = f"the {length} bytes from byte {begin} on are corrupted, and the messages in them lost"
+                damage(what, _count_messages(file, ids))
                 file.seek(begin + length)
             continue
         content = file.read(length)
@@ -177,6 +183,18 @@ def _only_channel(file: IO[bytes]) -> int:
         if found >= 0 or size != INDEX_ENTRY:
             return -1
         found = channel
+        file.seek(size, 1)
+
+
+def _count_messages(file: IO[bytes], ids: dict[int, bool]) -> int:
+    """Number of messages that are read, or of unknown channels, by the indices of a chunk, which begin here."""
+    found = 0
+    while True:
+        head = file.read(HEAD.size + INDEX.size)
+        if len(head) < HEAD.size + INDEX.size or head[0] != Opcode.MESSAGE_INDEX:
+            return found
+        channel, size = INDEX.unpack_from(head, HEAD.size)
+        found += size // INDEX_ENTRY if ids.get(channel, True) else 0
         file.seek(size, 1)
 
 

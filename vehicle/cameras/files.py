@@ -104,7 +104,7 @@ class McapFile(Playback):
         """Also the number of parts of the file that are lost."""
         return (*super().values(), ("damaged_parts", str(len(self._damages))))
 
-    def _report_damage(self, what: str) -> None:
+    def _report_damage(self, what: str, _messages: int) -> None:
         if what not in self._damages:  # as when the file is played again
             self._damages.add(what)
             warn(f"trepid: {self._path}: {what}")

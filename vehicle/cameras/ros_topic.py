@@ -96,8 +96,8 @@ class RosTopic:
             raise WireError("the images have no stamp: set stamp: arrival")
         if not -LEAD_S <= received_s - stamp_s <= self._settings.max_age_s:
             raise WireError(
-                f"the stamps differ from the clock here by {received_s - stamp_s:+z.2f} s: synchronise the clocks,"
-                " or set stamp: arrival"
+                f"the stamps differ from the clock of the drive by {received_s - stamp_s:+z.2f} s: synchronise the"
+                " clocks, begin a new drive where one was set during this one, or set stamp: arrival"
             )
         return min(stamp_s, received_s)
 

@@ -7,9 +7,6 @@ that :mod:`sim_harness.world.opendrive` makes is laid over it by the rotation an
 """
 
 import math
-import subprocess
-import sys
-import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
@@ -19,19 +16,13 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from lab.bench.real.sets import data_folder
+from lab.bench.foreign.road_files import road_files
 from sim_harness.world.opendrive.lane_table import DRIVEN
 from sim_harness.world.opendrive.reader import read_opendrive
 from sim_harness.world.roads.road import Road
 from trepid.config import InputError
 from trepid.types import Array
 
-SUMO = "eclipse-sumo==1.28.0"
-FORMS = {
-    "grid": ["--grid", "--grid.number", "4"],
-    "spider": ["--spider", "--spider.arm-number", "6"],
-    "random": ["--rand", "--rand.iterations", "60"],
-}
 STEP_M = 0.05
 CLOSE_M = 0.02
 TIGHT_1PM = 1.0  # a lane that bends more has no road
@@ -41,20 +32,15 @@ COLUMNS = ("lanes", "imported", "close", "refused", "tight", "cut")
 
 
 def bench_opendrive(seed: int, *, data: Path | None = None) -> dict[str, Any]:
-    """Driving lanes of each set of files. Raises InputError where no file can be had.
+    """Driving lanes of each file of :func:`lab.bench.foreign.road_files.road_files`, and of all of them.
 
-    The files are those below ``opendrive`` in the folder of the data sets, by folder, and three networks that SUMO
-    generates from ``seed``; SUMO is installed into a temporary folder. ``close``: imported, at most 2 cm from the
-    file; ``tight``: of the refused, lanes that bend with less than a metre in the file; ``cut``: imported, but
-    ended before the file does, as a lane does that closes.
+    ``close``: imported, at most 2 cm from the file; ``tight``: of the refused, lanes that bend with less than a
+    metre in the file; ``cut``: imported, but ended before the file does, as a lane does that closes. Raises
+    InputError where no file can be had.
     """
-    counts: dict[str, Counter[str]] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for name, path in [
-            *_stored_roads(data_folder(data) / "opendrive"),
-            *_generated_networks(Path(folder), seed),
-        ]:
-            counts.setdefault(name, Counter()).update(count_lanes(path))
+    with road_files(seed, data) as files:
+        counts = {name: count_lanes(path) for name, path in files}
+    counts["all"] = sum(counts.values(), Counter())
     return {name: _row(found) for name, found in counts.items()}
 
 
@@ -62,28 +48,6 @@ def _row(found: Counter[str]) -> dict[str, Any]:
     possible = found["lanes"] - found["tight"]
     share = found["close"] / possible if possible else None
     return {name: found[name] for name in COLUMNS} | {"close_share": share}
-
-
-def _stored_roads(folder: Path) -> Iterator[tuple[str, Path]]:
-    for path in sorted(folder.rglob("*.xodr")):
-        yield path.parent.name, path
-
-
-def _generated_networks(folder: Path, seed: int) -> Iterator[tuple[str, Path]]:
-    """Networks of SUMO. Raises InputError when it cannot be installed."""
-    install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(folder), SUMO]
-    if subprocess.run(install, check=False, stdout=subprocess.DEVNULL).returncode:
-        raise InputError(f"bench opendrive: {SUMO} cannot be installed: is the package index reachable?")
-    for name, form in FORMS.items():
-        path = folder / f"{name}.xodr"
-        options = ["--seed", str(seed % 2**31), "--default.lanenumber", "2", "--opendrive-output", str(path)]
-        program = folder / "sumo" / "bin" / "netgenerate"
-        subprocess.run(
-            [program, *form, *options, "--output-file", str(folder / "net.xml")],
-            check=True,
-            capture_output=True,
-        )
-        yield f"SUMO {name}", path
 
 
 def count_lanes(path: Path) -> Counter[str]:
@@ -127,9 +91,8 @@ def centre(road: Any, lane: int) -> Array:
     begin = [float(section.get("s")) for section in sections]
     followed = [lane]
     for here, there in pairwise(sections):
-        link = _lane(here, followed[-1]).find("link/successor")
-        following = int(link.get("id")) if link is not None else followed[-1]
-        if _lane(there, following) is None:
+        following = _continuation(here, there, followed[-1])
+        if following is None:
             break
         followed.append(following)
     known = s < begin[len(followed)] if len(followed) < len(begin) else np.ones_like(s, dtype=bool)
@@ -145,6 +108,23 @@ def centre(road: Any, lane: int) -> Array:
             )
             across[here] += sign * widths * (0.5 if inner == name else 1.0)
     return xy + across[:, None] * np.column_stack([-np.sin(heading), np.cos(heading)])
+
+
+def _continuation(here: Any, there: Any, lane: int) -> int | None:
+    """The lane of ``there`` that continues ``lane``: the linked one, else that of its name; None where it ends."""
+    onward = {n: m for n, m in _links(here, "successor") if n * lane > 0}
+    back = {m: n for n, m in _links(there, "predecessor") if n * lane > 0}
+    named = _lane(there, lane) is not None and lane not in back.values() and lane not in onward.values()
+    following = onward.get(lane) or back.get(lane) or (lane if named else None)
+    return following if following is not None and _lane(there, following) is not None else None
+
+
+def _links(section: Any, end: str) -> Iterator[tuple[int, int]]:
+    """Each lane of ``section`` with a link at its ``end``, and the lane that it names."""
+    for lane in section.iterfind("*/lane"):
+        link = lane.find(f"link/{end}")
+        if link is not None:
+            yield int(lane.get("id")), int(link.get("id"))
 
 
 def _lane(section: Any, number: int) -> Any:

@@ -11,6 +11,7 @@ from trepid.config import InputError
 from trepid.recording.foreign import topics_in_words, types_of
 from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
+from trepid.recording.scan import CUT_SHORT, leave_out
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, VEHICLE_STATE, estimate_topic
 from trepid.types import Column
 from vehicle.cameras.files import mcap_shots
@@ -27,12 +28,23 @@ def read_drive(path: Path, faults: Faults, *, labels_of: str | None = None) -> L
     ``labels_of``: label the frames by the estimates of this estimator, instead of the measured steering.
     """
     topic, ros_type = _images(path)
-    t_s = np.array([shot.t_s for shot in mcap_shots(path, topic, ros_type)])
-    recorded = read_recording(path, VEHICLE_STATE.key)
+    lost: dict[str, int] = {}  # corrupted part -> images in it
+
+    def lose_images(what: str, messages: int) -> None:
+        lost[what] = messages
+
+    def lose_states(what: str, _: int) -> None:
+        lost.setdefault(what, 0)
+
+    t_s = np.array([shot.t_s for shot in mcap_shots(path, topic, ros_type, damage=lose_images)])
+    recorded = read_recording(path, VEHICLE_STATE.key, damage=lose_states)
+    cut_short = lost.pop(CUT_SHORT, None) is not None
     states = {state.t_s: state for _, state in reversed(recorded.of(VEHICLE_STATE))}
     if not len(t_s) or not states:
         what = "image of a camera" if not len(t_s) else "vehicle state: it holds no steering to learn from"
         raise InputError(f"{path}: no {what}")
+    for what, images in lost.items():
+        faults(f"{path}: {what}{f', {images} images among them' if images else ''}", rows=images)
     for key, count in recorded.malformed.items():
         faults(f"{path}: {count} messages of {key} are malformed")
     at_s = np.array(sorted(states))
@@ -69,7 +81,9 @@ def read_drive(path: Path, faults: Faults, *, labels_of: str | None = None) -> L
     log.notes.append(f"images of {topic}, {VEHICLE_STATE.key} at their capture times")
     if not measured:
         log.notes.append(f"angles of the estimator {labels_of}")
-    if not recorded.complete:
+    if lost:
+        log.notes.append(f"{len(lost)} corrupted parts are left out, with {sum(lost.values())} images")
+    if cut_short:
         log.notes.append("cut short; read up to its last whole chunk")
     return log
 
@@ -89,6 +103,7 @@ def _images(path: Path) -> tuple[str, str]:
 
 def estimated_angles_rad(path: Path, name: str, t_s: Column) -> Column:
     """The road-wheel angles that the estimator ``name`` gave for the frames taken at ``t_s`` [rad]; NaN without."""
-    recorded = read_recording(path, estimate_topic(name).key).of(estimate_topic(name))
+    topic = estimate_topic(name)
+    recorded = read_recording(path, topic.key, damage=leave_out).of(topic)
     angles = {nanoseconds(one.t_s): one.road_wheel_angle_rad for _, one in recorded}
     return np.array([angles.get(nanoseconds(t)) for t in t_s.tolist()], dtype=np.float64)  # None: NaN

@@ -57,6 +57,20 @@ def test_an_unknown_split_is_refused(made_set: Dataset) -> None:
         made_set.rows("tests")
 
 
+@pytest.mark.parametrize(
+    ("options", "remedy"),
+    [((), "with a longer drive, or with less than --gap-s 2"), (("--shares", "0.8,0.2,0"), "with --shares")],
+)
+def test_a_split_without_labelled_frames_is_refused_with_what_makes_some(
+    tmp_path: Path, options: tuple[str, ...], remedy: str
+) -> None:
+    frames = 40 if not options else 400
+    made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", frames), options=options)
+    with pytest.raises(InputError, match=rf"no labelled frame in the split 'test' \(train \d+, .*{remedy}"):
+        made.labelled_rows("test")
+    assert len(made.labelled_rows("train")) > 20
+
+
 def test_a_folder_that_is_no_data_set_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no data set"):
         Dataset.open(tmp_path)

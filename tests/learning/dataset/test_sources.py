@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from drive_rig import picture, steering_of, write_pictures, write_table, write_tub, write_tub_1, write_udacity
+from foreign_ros_rig import damage_chunk
 
 from learning.dataset.build import read_log
 from learning.dataset.pictures import PictureReader
@@ -387,6 +388,35 @@ def test_the_label_of_a_recording_is_free_of_understeer(tmp_path: Path, no_car: 
     curvature_1pm = math.tan(label) / wheel.wheelbase_m
     assert label + wheel.k_us * curvature_1pm * 8.0**2 == pytest.approx(0.1)
     assert label < 0.1
+
+
+def test_a_corrupted_chunk_of_a_recording_costs_its_images_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = recorded(tmp_path / "drive.mcap", 100)
+    whole, _ = read(path)
+    good = PictureReader(whole.root, whole.topic).read(path.name, len(whole) - 1)
+    damage_chunk(path, 2)
+    log, faults = read(path)
+    lost = len(whole) - len(log)
+    assert 0 < lost < 50 and log.t_s[-1] == whole.t_s[-1]
+    assert (faults.count, faults.rows) == (1, lost)
+    assert (
+        f"are corrupted, and the messages in them lost, {lost} images among them" in capsys.readouterr().err
+    )
+    assert (PictureReader(log.root, log.topic).read(path.name, len(log) - 1) == good).all()
+    assert f"1 corrupted parts are left out, with {lost} images" in log.notes
+    with pytest.raises(InputError, match=r"drive\.mcap: the \d+ bytes from byte \d+ on are corrupted"):
+        read_log(path, Faults(strict=True), TableOptions())
+
+
+def test_a_recording_cut_short_by_a_crash_is_read_to_its_end_without_a_fault(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "drive.mcap", 100)
+    whole, _ = read(path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    log, faults = read(path)
+    assert 0 < len(log) < len(whole) and faults.count == 0
+    assert "cut short; read up to its last whole chunk" in log.notes
 
 
 def test_a_recording_without_images_or_states_is_refused(tmp_path: Path) -> None:

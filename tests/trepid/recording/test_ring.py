@@ -175,6 +175,25 @@ def test_the_oldest_parts_are_deleted_beyond_the_size_and_secured_ones_stay(tmp_
     assert len(list(safe.glob("*.mcap"))) == len(parts)
 
 
+@pytest.mark.parametrize("back_to", [0, 5])
+def test_a_wall_clock_set_back_in_a_drive_costs_neither_its_newest_parts_nor_those_of_another_that_runs(
+    drives: Callable[..., None], back_to: int
+) -> None:
+    """The parts from ``back_to`` on were written by a clock an hour behind, and behind that of an ended drive."""
+    ended, mine, beside = (written(9, name=name) for name in ("ended", "mine", "beside"))
+    for ring in (ended, mine, beside):
+        ring.close()
+    of = {ring.folder: sorted(ring.folder.glob("*.mcap")) for ring in (ended, mine, beside)}
+    for ring in (ended, mine, beside):
+        for place, part in enumerate(of[ring.folder]):
+            at_s = 10_000 + place - (3600 if ring is not ended and place >= back_to else 0)
+            os.utime(part, (at_s, at_s))
+    drives(one="beside")
+    left = [*of[mine.folder][-2:], *of[beside.folder][-2:]]
+    prune(mine.folder.parent, sum(part.stat().st_size for part in left), own=mine.folder)
+    assert sorted(mine.folder.parent.glob("*/*.mcap")) == sorted(left)
+
+
 def test_another_drive_that_deletes_the_empty_folder_of_a_drive_does_not_end_its_ring() -> None:
     message = (VEHICLE_STATE.key, to_cdr(STATE), STATE.t_s)
     tap: Any = SimpleNamespace(drain=lambda: [message])

@@ -168,24 +168,12 @@ def rewritten(source: Path, compression: CompressionType, *, images_a_chunk: int
     return path
 
 
-def damage_chunk(path: Path, number: int) -> None:
-    """Overwrite bytes in the middle of the chunk ``number`` of a recording."""
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    chunk = sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset)[number]
-    data = bytearray(path.read_bytes())
-    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
-    data[middle : middle + 8] = b"\x55" * 8
-    path.write_bytes(data)
-
-
 @pytest.mark.parametrize("compression", list(CompressionType))
 def test_a_corrupted_chunk_is_said_and_counted_and_the_frames_after_it_play(
     compression: CompressionType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = rewritten(foreign.bag(tmp_path / "bag", {"/image": images(6)}), compression, images_a_chunk=2)
-    damage_chunk(path, 1)
+    foreign.damage_chunk(path, 1)
     source = McapFile(McapSettings(path=str(path), pace=0), drive(ManualClock()))
     assert numbers(source) == [0, 1, 4, 5]
     assert ("damaged_parts", "1") in source.values()

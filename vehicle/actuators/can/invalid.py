@@ -12,10 +12,11 @@ A DBC says so in three ways:
 
 import math
 import re
+import unicodedata
 from collections.abc import Collection, Mapping
 from typing import Any
 
-NEGATIONS = frozenset({"no", "not", "without", "ohne", "kein", "keine"})
+NEGATIONS = frozenset({"no", "not", "without", "ohne", "kein", "keine", "nicht", "non", "pas"})
 INVALID_STEMS = (
     *(
         "sna",
@@ -30,11 +31,17 @@ INVALID_STEMS = (
         "nodata",
     ),
     *("err", "fault", "fail", "defect", "notavail", "notvalid", "notdefin", "nosignal", "uninit", "notinit"),
-    *("fehler", "ungueltig", "unplaus", "defekt", "nichtverf"),
+    *("fehler", "ungueltig", "unplaus", "defekt", "nichtverf", "indispon", "erron"),
 )
-NEGATED_STEMS = ("avail", "valid", "defin", "data", "signal", "init", "known", "present", "plausib", "used")
-INITIAL = frozenset({"init", "initial", "initializing", "initialising", "initialization", "initialisation"})
-NOT_AVAILABLE = frozenset({"na", "n a", "nv"})  # the whole name
+NEGATED_STEMS = (
+    *("avail", "valid", "defin", "data", "signal", "init", "known", "present", "plausib", "used"),
+    *("verfueg", "gueltig", "dispon"),
+)
+INITIAL = frozenset(
+    f"initial{ending}" for ending in ("", "izing", "ising", "ization", "isation", "isierung")
+) | {"init"}
+NOT_AVAILABLE = frozenset({"na", "n a", "nv", "na n"})  # the whole name; NaN is two words
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _J1939_BITS = {2: 2, 4: 0xE}
 _BYTE = 8
@@ -47,7 +54,8 @@ def is_invalid_name(name: str) -> bool:
     Words are split at signs, digits and capitals. A negation turns the next word: ``no_error`` and ``not_faulty``
     are measurements, ``not available`` and ``no data`` are none.
     """
-    words = [word.lower() for word in _WORD.findall(name)]
+    plain = unicodedata.normalize("NFKD", unicodedata.normalize("NFC", name).translate(_UMLAUTS))
+    words = [word.lower() for word in _WORD.findall(plain.encode("ascii", "ignore").decode())]
     if " ".join(words) in NOT_AVAILABLE:
         return True
     negated = False
@@ -70,10 +78,11 @@ class InvalidValues:
     def __init__(self, signal: Any, protocol: str | None, also: Collection[int] = ()) -> None:
         """``protocol`` of the message in the DBC, such as ``j1939``; ``also``: further invalid raw values."""
         self._scale, self._offset = float(signal.scale), float(signal.offset)
-        choices: Mapping[int, Any] = signal.choices or {}
-        self._named = {int(raw): str(text) for raw, text in choices.items() if is_invalid_name(str(text))}
-        self._also = frozenset(also)
-        self._stated = {int(raw) for raw in choices} - set(self._named)
+        named: Mapping[int, Any] = signal.choices or {}
+        choices = {_raw_of(signal, int(raw)): str(text) for raw, text in named.items()}
+        self._named = {raw: text for raw, text in choices.items() if is_invalid_name(text)}
+        self._also = frozenset(_raw_of(signal, raw) for raw in also)
+        self._stated = set(choices) - set(self._named)
         low, high = signal.minimum, signal.maximum
         ranged = low is not None and high is not None and low < high
         rounding = abs(self._scale) / 2.0
@@ -109,6 +118,16 @@ class InvalidValues:
         else:
             return ""
         return f"{raw:g} {why}"
+
+
+def _raw_of(signal: Any, raw: int) -> int:
+    """The raw value that files mean by ``raw``: of a signal with a sign some write the bits without it."""
+    beyond = (
+        signal.is_signed
+        and not signal.is_float
+        and 0 <= raw - 2 ** (signal.length - 1) < 2 ** (signal.length - 1)
+    )
+    return raw - 2**signal.length if beyond else raw
 
 
 def _first_reserved(bits: int) -> float:
