@@ -28,6 +28,7 @@ from learning.dataset.dataset import (
 )
 from learning.dataset.likeness import (
     SMALL,
+    STILL,
     ImageMeasurements,
     changes,
     hash_of,
@@ -41,7 +42,7 @@ from learning.dataset.sources.log import Faults, Log, SteeringUnit, licence_besi
 from learning.dataset.sources.recording import SUFFIX, read_drive
 from learning.dataset.sources.table import TableOptions, read_table
 from learning.dataset.sources.tub import ANGLE, is_tub, read_tub
-from learning.dataset.split import split_rows, stretches, too_short
+from learning.dataset.split import GAP, split_rows, stretches, too_short
 from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
 from trepid.config import InputError
 from trepid.loudness import warn
@@ -165,12 +166,16 @@ def _check_splits(rule: Split, rows: Rows) -> None:
         if share > 0 and not (rows["split"] == name).any():
             reasons = Counter(rows["why"][rows["why"] != ""].tolist())
             causes = [f"{count} left out: {why}" for why, count in reasons.most_common(2)]
+            still = int((rows["change"] <= STILL).sum())
+            if 2 * still > len(rows):
+                causes.append(f"{still} pictures are as the one before: the camera hung, or the car stood")
             back = (np.diff(rows["t_s"]) < 0) & (rows["route"][1:] == rows["route"][:-1])
             if back.any():
                 causes.append(f"time runs back {back.sum()} times: sort the log by time")
             gap = f"with a gap of {rule.gap_s:g} s (--gap-s)"
-            remedy = "a longer drive, or a smaller gap, leaves some"
-            raise InputError("; ".join([f"no row of {len(rows)} is left for {name} {gap}", *causes, remedy]))
+            if GAP in reasons:
+                causes.append("a longer drive, or a smaller gap, leaves some")
+            raise InputError("; ".join([f"no row of {len(rows)} is left for {name} {gap}", *causes]))
 
 
 def _check_options(logs: list[Log], options: BuildOptions) -> None:

@@ -18,7 +18,13 @@ from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
 from trepid.loudness import note
-from trepid.recording.csv_file import column_names, read_rows, refuse_halved_numbers, refuse_rounded_times
+from trepid.recording.csv_file import (
+    column_names,
+    read_rows,
+    refuse_halved_numbers,
+    refuse_rounded_times,
+    seconds_of_date,
+)
 from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
 from trepid.topics import VEHICLE_STATE
@@ -177,7 +183,9 @@ def read_log(path: Path) -> tuple[Array, Array]:
 
 def _numbers(path: Path, line: int, row: list[str], columns: tuple[int, int]) -> tuple[float, float]:
     try:
-        t_s, speed_mps = (float(row[column]) for column in columns)
+        time, speed = (row[column] for column in columns)
+        date_s = seconds_of_date(time.strip())
+        t_s, speed_mps = float(time) if date_s is None else date_s, float(speed)
     except (ValueError, IndexError):
         t_s = speed_mps = math.nan
     if not (math.isfinite(t_s) and math.isfinite(speed_mps) and speed_mps >= 0.0):

@@ -1,8 +1,8 @@
 """Tables of text in the dialects of spreadsheets and of all countries, read to one form.
 
-Separator: comma, semicolon, tab or bar, whichever divides most lines alike, or what a first line such as ``sep=;``
-of a spreadsheet says. Decimal mark: a comma in columns without decimal points, where the table has cells such as
-``0,12`` or ``1.234,5``; these get a point. Marks after thousands are dropped, as in ``1,234.5`` and ``1 234,5``.
+Separator: comma, semicolon, tab or bar, whichever divides most lines alike, else blanks, or what a first line such
+as ``sep=;`` of a spreadsheet says. Decimal mark: a comma in columns without decimal points, where the table has
+cells such as ``0,12`` or ``1.234,5``; these get a point. Marks after thousands are dropped, as in ``1 234,5``.
 What has two meanings, such as decimal commas between commas, is refused by its name. Lines that begin with ``#`` or
 ``%`` are comments, but the last one before the rows is the header where it has their cells, as NumPy writes it.
 """
@@ -13,6 +13,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from trepid.config import InputError, read_text
@@ -20,6 +21,7 @@ from trepid.loudness import detail
 from trepid.types import Column
 
 SEPARATORS = (",", ";", "\t", "|")  # of two that fit alike the first
+BLANK = " "  # between cells that none of these divides, as NumPy and pandas write them
 SAMPLED = 200  # lines that tell the separator
 ROUNDED = 3  # rows a time, on average: rounded times
 _COMMENT = ("#", "%")
@@ -34,6 +36,7 @@ _AFTER_COMMAS = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:,\d{3})+\.\d+\s*")
 _AFTER_POINTS = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:\.\d{3})+,\d+\s*")
 _POINTS = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:\.\d{3})+\s*")
 _NUMBER = re.compile(r"\s*[+-]?[\d.,]*\d[.,]?(?:[eE][+-]?\d+)?\s*|")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _HALVES = re.compile(r"(?:^|,)\s*[+-]?\d+,\d+\s*(?:,|$)")
 
 
@@ -55,6 +58,8 @@ def read_rows(path: Path) -> list[Row]:
     stated = _STATED.fullmatch(first.strip())
     text = _without_comments(f"\n{rest}" if stated else text, stated[1] if stated else None)
     separator = stated[1] if stated else _separator(text)
+    if separator == BLANK:
+        text = "\n".join(line.strip() for line in text.split("\n"))
     reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     rows: list[Row] = []
     before = 0
@@ -112,6 +117,17 @@ def column_names(header: Row, known: Collection[str]) -> list[str]:
     return [name if found in names else found for name, found in zip(names, own, strict=True)]
 
 
+def seconds_of_date(text: str) -> float | None:
+    """The time since the Unix epoch that a date and time by ISO 8601 states [s], in UTC where it has no offset."""
+    if not _DATE.match(text):
+        return None
+    try:
+        stated = datetime.fromisoformat(text.replace(",", "."))
+    except ValueError:
+        return None
+    return (stated if stated.tzinfo else stated.replace(tzinfo=UTC)).timestamp()
+
+
 def refuse_halved_numbers(path: Path, rows: list[Row], columns: int) -> None:
     """Raise InputError where most rows have more cells than ``columns``: commas in and between numbers."""
     halved = [row for row in rows if len(row.cells) > columns and _HALVES.search(",".join(row.cells))]
@@ -138,15 +154,17 @@ def refuse_rounded_times(path: Path, name: str, values: Column, routes: Sequence
 
 
 def _separator(text: str) -> str:
-    lines = [line for line in text.split("\n") if line.strip()][:SAMPLED]
+    lines = [line.strip(BLANK) for line in text.split("\n") if line.strip()][:SAMPLED]
 
     def fit(separator: str) -> tuple[bool, int]:
         """Whether most lines have as many cells as the first, and that number."""
-        widths = [len(row) for row in csv.reader(lines, delimiter=separator)] or [0]
+        cells = csv.reader(lines, delimiter=separator, skipinitialspace=True)
+        widths = [len(row) for row in cells] or [0]
         return widths[0] > 1 and 2 * widths.count(widths[0]) > len(widths), widths[0]
 
     try:
-        return max(SEPARATORS, key=fit)
+        best = max(SEPARATORS, key=fit)
+        return BLANK if not fit(best)[0] and fit(BLANK)[0] else best
     except csv.Error:  # of quotes that do not match this separator; the reading of the whole file names it
         return SEPARATORS[0]
 

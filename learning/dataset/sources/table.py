@@ -24,6 +24,7 @@ from trepid.recording.csv_file import (
     read_rows,
     refuse_halved_numbers,
     refuse_rounded_times,
+    seconds_of_date,
 )
 from trepid.spelling import did_you_mean
 from trepid.types import Column
@@ -133,7 +134,8 @@ def _below(folder: Path, name: str) -> str:
     if not PureWindowsPath(name).is_absolute() and not name.startswith("/"):
         return "/".join(parts)
     near = "/".join(parts[-2:])
-    return near if (folder / near).is_file() else name if Path(name).is_file() else near
+    there = (found for found in (near, name, parts[-1]) if (folder / found).is_file())
+    return next(there, near)
 
 
 def _log_of_columns(
@@ -211,6 +213,10 @@ def _choose_columns(
         column = options.renamed.get(name, name)
         if column not in header:
             raise InputError(f"{path}:1: no column {column!r}; there are {', '.join(header)}")
+        if header.count(column) > 1:
+            raise InputError(
+                f"{path}:1: {header.count(column)} columns {column!r}: which one holds the values is not known"
+            )
         at[quantity], names[quantity] = header.index(column), name
     need = {
         "an image": options.video is not None or "image" in at,
@@ -226,6 +232,8 @@ def _choose_columns(
 
 
 def _scaled_number(text: str, name: str) -> float:
+    if name in COLUMNS["time"] and (date_s := seconds_of_date(text.strip())) is not None:
+        return date_s
     factor = next(names[name] for names in COLUMNS.values() if name in names)
     return factor * number(text.strip())
 

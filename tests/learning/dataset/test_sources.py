@@ -342,6 +342,20 @@ def test_a_record_that_cannot_be_read_keeps_its_time_in_a_tub_without_times(tmp_
     assert read(tub)[0].t_s == pytest.approx([0.0, 0.05, 0.15, 0.2])
 
 
+def test_dates_are_times_of_a_table(tmp_path: Path) -> None:
+    times = [f"2026-05-01T12:00:{n / 20:06.3f}Z" for n in range(20)]
+    columns = {"timestamp_s": times, "image": ["0.jpg"] * 20, "road_wheel_angle_rad": steering_of(20)}
+    log, faults = read(write_table(tmp_path, columns))
+    assert np.diff(log.t_s) == pytest.approx(0.05, abs=1e-6) and faults.count == 0
+
+
+def test_two_columns_of_the_name_that_is_used_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t_s,image,angle,angle\n0,0.jpg,0.1,0\n1,1.jpg,0.2,0\n")
+    with pytest.raises(InputError, match=r"log\.csv:1: 2 columns 'angle': which one holds the values"):
+        read(path)
+
+
 def record_bend(path: Path, frames: int = 40, *, angle_rad: float = 0.1, speed_mps: float = 8.0) -> Path:
     """A recording at 10 images/s with the vehicle state at 50 Hz, whose angle rises until 1 s."""
     with Recording(path) as file:
@@ -393,7 +407,7 @@ def test_the_label_of_a_recording_is_free_of_understeer(tmp_path: Path, no_car: 
 def test_a_corrupted_chunk_of_a_recording_costs_its_images_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = recorded(tmp_path / "drive.mcap", 100)
+    path = record_bend(tmp_path / "drive.mcap", 100)
     whole, _ = read(path)
     good = PictureReader(whole.root, whole.topic).read(path.name, len(whole) - 1)
     damage_chunk(path, 2)
@@ -411,7 +425,7 @@ def test_a_corrupted_chunk_of_a_recording_costs_its_images_alone(
 
 
 def test_a_recording_cut_short_by_a_crash_is_read_to_its_end_without_a_fault(tmp_path: Path) -> None:
-    path = recorded(tmp_path / "drive.mcap", 100)
+    path = record_bend(tmp_path / "drive.mcap", 100)
     whole, _ = read(path)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     log, faults = read(path)

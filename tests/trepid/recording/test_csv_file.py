@@ -16,6 +16,7 @@ from trepid.recording.csv_file import (
     read_rows,
     refuse_halved_numbers,
     refuse_rounded_times,
+    seconds_of_date,
 )
 
 HEADER = ["t_s", "image", "angle"]
@@ -43,6 +44,35 @@ def test_a_table_reads_the_same_in_every_dialect(
     tmp_path: Path, separator: str, comma: bool, encoding: str
 ) -> None:
     assert cells(write_csv(tmp_path / "a.csv", separator, comma=comma, encoding=encoding)) == [HEADER, *ROWS]
+
+
+@pytest.mark.parametrize("form", ["{:>8} {:>12} {:>10}", "{} {} {}", "{}   {}  {} "])
+def test_a_table_with_blanks_between_its_cells_reads_the_same(tmp_path: Path, form: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(form.format(*row) for row in (HEADER, *ROWS)))
+    assert cells(path) == [HEADER, *ROWS]
+
+
+def test_blanks_divide_no_cell_of_a_table_with_another_separator(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,remark\n1,in the rain\n2,in the sun\n")
+    assert cells(path) == [["time", "remark"], ["1", "in the rain"], ["2", "in the sun"]]
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("1970-01-02T00:00:00.250Z", 86400.25),
+        ("1970-01-02 00:00:00,250", 86400.25),
+        ("1970-01-02T02:00:00+02:00", 86400.0),
+        ("1970-01-02T00:00", 86400.0),
+        ("86400.25", None),
+        ("1970-01-02", None),
+        ("1970-13-02T00:00:00", None),
+    ],
+)
+def test_a_date_with_a_time_is_that_many_seconds_since_the_epoch(text: str, found: float | None) -> None:
+    assert seconds_of_date(text) == found
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=20), st.sampled_from([";", "\t", "|"]))

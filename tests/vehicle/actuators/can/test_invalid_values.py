@@ -38,6 +38,8 @@ def signal(line, values="", *, extended=False):
         *("Invalid", "INVALID_DATA", "Error", "ERR", "sensor error", "Fault", "Faulty", "FAILURE", "Unknown"),
         *("NoData", "NoDataExists", "No signal", "Undefined", "Init", "Initializing", "not initialized"),
         *("Reserved", "Unavailable", "Fehler", "ungueltig", "Not_Defined", "Implausible", "SNA 2"),
+        *("Signal nicht verfügbar", "Ungültig", "ungu\u0308ltig", "Initialisierung", "nicht gültig", "NaN"),
+        *("Non disponible", "Indisponible", "Valeur erronée"),
     ],
 )
 def test_names_that_real_files_give_to_values_without_a_measurement_are_recognised(name):
@@ -59,10 +61,23 @@ def test_names_that_real_files_give_to_values_without_a_measurement_are_recognis
             "Standstill",
         ),
         *("0 km/h", "Forward", "Nav", "Ferry", "interrupted", "default", "terrain", "finite", "no_override"),
+        *("gültig", "verfügbar", "kein Fehler", "disponible"),
     ],
 )
 def test_names_of_measured_values_are_not_taken_for_invalid_ones(name):
     assert not is_invalid_name(name)
+
+
+def test_a_value_named_by_its_bits_is_that_of_a_signal_with_a_sign():
+    check = InvalidValues(
+        *signal('0|16@1- (0.1,0) [-3276.8|3276.7] "deg"', '65535 "SNA" 32768 "Error"'), also=[65534]
+    )
+    assert [check.reason(raw) for raw in (-1, -2, -32768)] == [
+        '-1 is "SNA"',
+        "-2 is invalid by the map",
+        '-32768 is "Error"',
+    ]
+    assert [check.reason(raw) for raw in (1, -3, 32767)] == ["", "", ""]
 
 
 def test_a_named_value_is_no_measurement_and_the_reason_gives_value_and_name():
