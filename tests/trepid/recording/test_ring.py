@@ -180,7 +180,7 @@ def test_a_wall_clock_set_back_in_a_drive_costs_neither_its_newest_parts_nor_tho
     drives: Callable[..., None], back_to: int
 ) -> None:
     """The parts from ``back_to`` on were written by a clock an hour behind, and behind that of an ended drive."""
-    ended, mine, beside = (written(9, name=name) for name in ("ended", "mine", "beside"))
+    ended, mine, beside = (write_ring(9, name=name) for name in ("ended", "mine", "beside"))
     for ring in (ended, mine, beside):
         ring.close()
     of = {ring.folder: sorted(ring.folder.glob("*.mcap")) for ring in (ended, mine, beside)}
