@@ -32,7 +32,11 @@ def evaluate(
         typer.Option(help="Camera of the data set, for cv and cnn; default: self-calibrated for each route."),
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option(metavar="F.png", help="Draw the worst frames of one model.")
+        Path | None,
+        typer.Option(
+            metavar="F.png",
+            help="Draw record and prediction of one model over time, their scatter, and its worst frames.",
+        ),
     ] = None,
     car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object for each model.")] = False,
@@ -49,7 +53,7 @@ def evaluate(
     from trepid.images.files import IMAGE_SUFFIXES
 
     if picture is not None and len(models) > 1:
-        raise InputError(f"{picture}: shows the worst frames of one model, not of {len(models)}")
+        raise InputError(f"{picture}: shows one model, not {len(models)}")
     if split not in SPLITS:
         raise InputError(f"--split {split}: expected {', '.join(SPLITS)}")
     if picture is not None and picture.suffix.lower() not in IMAGE_SUFFIXES:
@@ -79,15 +83,29 @@ def evaluate(
 
 
 def draw(picture: Path, bench: "Bench", model: "JudgedModel", found: "Predictions") -> None:
-    """Write the worst frames of ``model``. Raises InputError without any frame that it answers."""
-    from learning.judging.sheet import write_sheet
+    """Write both angles over time, their scatter, and the worst frames of ``model`` below.
+
+    Raises InputError without any frame that it answers, and when the picture cannot be written.
+    """
+    import numpy as np
+
+    from learning.judging.course import as_image, course_figure
+    from learning.judging.sheet import COLUMNS_OF_SHEET, TILE_PX, frames_sheet
+    from trepid.images.files import write_image
 
     worst = bench.worst(found)
     if not worst:
         raise InputError(f"{picture}: {model.name} gives no angle for any frame")
     predicted_deg = found.angle_rad * bench.unit_deg
-    write_sheet(
-        picture,
+    figure = course_figure(
+        bench.rows,
+        bench.true_deg,
+        predicted_deg,
+        found.interval_rad * bench.unit_deg,
+        worst=worst,
+        wheel=bench.wheel,
+    )
+    sheet = frames_sheet(
         bench.dataset,
         bench.rows[worst],
         bench.true_deg[worst],
@@ -95,6 +113,7 @@ def draw(picture: Path, bench: "Bench", model: "JudgedModel", found: "Prediction
         found.angle_rad[worst],
         model.network,
     )
+    write_image(picture, np.vstack([as_image(figure, COLUMNS_OF_SHEET * TILE_PX[0]), sheet]))
 
 
 def closing_lines(row: dict[str, Any]) -> list[str]:

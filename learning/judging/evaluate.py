@@ -94,6 +94,7 @@ class Bench:
         self._without_image = Baselines(dataset, split, trained=trained)
         self.rows = self._without_image.rows
         self.unit_deg = math.degrees(ratio or 1.0)  # output degrees per radian of the road wheel
+        self.wheel = "steering wheel" if ratio else "road wheel"  # whose degrees they are
         self._wheel_ratio = 1.0 if ratio else BIN_RATIO  # degrees of the steering wheel per output degree
         self.true_deg: Angles = self.rows["road_wheel_rad"] * self.unit_deg
         self._lights = light_names(self.rows["light"])

@@ -8,7 +8,6 @@ is occluded without its memory.
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -16,7 +15,6 @@ import numpy as np
 from learning.dataset.dataset import Dataset, Rows
 from learning.judging.scores import Angles
 from perception.net.driver import DriverNetwork
-from trepid.images.files import write_image
 from trepid.types import Image
 
 COLUMNS_OF_SHEET = 4
@@ -65,25 +63,21 @@ def tile(image: Image, lines: Sequence[str], true_rad: float, predicted_rad: flo
     return drawn
 
 
-def write_sheet(
-    path: Path,
+def frames_sheet(
     dataset: Dataset,
     rows: Rows,
     true_deg: Angles,
     predicted_deg: Angles,
     predicted_rad: Angles,
     network: DriverNetwork | None,
-) -> None:
-    """Write the frames of ``rows`` with their angles as one picture; of a network each with its occlusion below.
-
-    Raises InputError when it cannot be written.
-    """
+) -> Image:
+    """The frames of ``rows`` with rank and angles as one picture; of a network each with its occlusion below."""
     tiles: list[Image] = []
     for number, row in enumerate(rows):
         image = dataset.image(row)
         error_deg = predicted_deg[number] - true_deg[number]
         lines = [
-            f"{str(row['route'])[-30:]} frame {row['frame']}",
+            f"{number + 1}: {str(row['route'])[-30:]} frame {row['frame']}",
             f"recorded {true_deg[number]:+z.1f}, predicted {predicted_deg[number]:+z.1f}: {error_deg:+z.1f} deg",
         ]
         angles = float(row["road_wheel_rad"]), float(predicted_rad[number])
@@ -95,5 +89,4 @@ def write_sheet(
     black = np.zeros_like(tiles[0])
     tiles += [black] * (-len(tiles) % COLUMNS_OF_SHEET)
     starts = range(0, len(tiles), COLUMNS_OF_SHEET)
-    sheet = np.vstack([np.hstack(tiles[start : start + COLUMNS_OF_SHEET]) for start in starts])
-    write_image(path, sheet)
+    return np.vstack([np.hstack(tiles[start : start + COLUMNS_OF_SHEET]) for start in starts])

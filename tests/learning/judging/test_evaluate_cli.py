@@ -149,10 +149,12 @@ def test_the_worst_frames_are_apart_and_sorted_by_error(data, turn):
     assert np.diff(np.sort(bench.rows["t_s"][worst])).min() >= 1.0
 
 
-def test_the_picture_shows_the_worst_frames_with_their_occlusion(data, turn, tmp_path):
-    sheet = tmp_path / "worst.png"
+def test_the_picture_shows_the_course_above_the_worst_frames_with_their_occlusion(data, turn, tmp_path):
+    sheet = tmp_path / "angles.png"
     run("evaluate", str(turn), "--data", str(data.folder), "--picture", str(sheet), "--json")
-    assert cv2.imread(str(sheet)).shape == (480, 1280, 3)
+    drawn = cv2.imread(str(sheet))
+    assert drawn.shape[1] == 1280 and drawn.shape[0] > 480 + 300
+    assert (drawn[:5] == 255).all()  # paper, above the frames
 
 
 def test_occlusion_finds_the_cells_that_move_the_angle(turn):
@@ -179,7 +181,7 @@ def test_light_is_named_by_the_mean_grey():
         (["nowhere.onnx"], "nowhere.onnx: no such file"),
         (["cvv"], "no estimator 'cvv'"),
         (["TURN", "--split", "tests"], "--split tests: expected train, validation, test"),
-        (["TURN", "cv", "--picture", "a.png"], "the worst frames of one model"),
+        (["TURN", "cv", "--picture", "a.png"], "shows one model"),
         (["TURN", "--picture", "no/a.png"], "there is no folder no"),
         (["TURN", "--data", "nothing"], "no data set"),
     ],
