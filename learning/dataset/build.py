@@ -21,6 +21,7 @@ from learning.dataset.dataset import (
     Rows,
     Source,
     Split,
+    Wheel,
     as_rows,
     check_place,
     sha256_of,
@@ -37,6 +38,7 @@ from learning.dataset.likeness import (
     upper_half,
 )
 from learning.dataset.pictures import PictureReader
+from learning.dataset.sides import WayBack, moments, split_sides, with_sides
 from learning.dataset.sources.comma import is_comma, read_comma
 from learning.dataset.sources.log import Faults, Log, SteeringUnit, licence_beside, sha256_of_files
 from learning.dataset.sources.recording import SUFFIX, read_drive
@@ -44,9 +46,11 @@ from learning.dataset.sources.table import TableOptions, read_table
 from learning.dataset.sources.tub import ANGLE, is_tub, read_tub
 from learning.dataset.split import GAP, split_rows, stretches, too_short
 from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
-from trepid.config import InputError
+from perception.lane.settings import steering_settings
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, InputError, load
 from trepid.loudness import warn
-from trepid.types import Floats, Image
+from trepid.types import Column, Floats, Image
 
 UNREADABLE, NO_LABEL, OTHER_SIZE = "image cannot be read", "no steering", "other size of image"
 UDACITY_LOG = "driving_log.csv"
@@ -87,12 +91,14 @@ def read_log(path: Path, faults: Faults, options: TableOptions) -> Log:
 
 
 def read_logs(paths: list[Path], faults: Faults, options: TableOptions) -> list[Log]:
-    """The logs of all sources, with a name of its own for every route."""
+    """The logs of all sources, with a name of its own for every route; side cameras follow their middle one."""
     logs = [read_log(path, faults, options) for path in paths]
     names = Counter(name for log in logs for name in set(log.route))
     for number, log in enumerate(logs):
         log.route = [f"{name}#{number}" if names[name] > 1 else name for name in log.route]
-    return logs
+    if options.side_camera_m is None:
+        return logs
+    return [one for log in logs for one in with_sides(log, options.side_camera_m)]
 
 
 def built_once(out: Path, paths: list[Path], split: Split) -> Dataset:
@@ -110,12 +116,14 @@ def build(
     """Label, measure and divide the frames of ``logs``, and write the data set. Raises InputError."""
     check_place(out)
     _check_options(logs, options)
-    wheel = wheel_of(logs, options.wheel)
-    for log in logs:
+    middle_logs = [log for log in logs if not log.camera_left_m]
+    wheel = wheel_of(middle_logs, options.wheel)
+    for log in middle_logs:
         _check_steering(log, faults)
     t_s = np.concatenate([log.t_s for log in logs])
     route = np.array([name for log in logs for name in log.route])
     stretch = stretches(t_s, route)
+    angle_rad = _labels(logs, wheel)
     unusable, look = _measure_images(logs, stretch, faults, progress)
     columns = {
         "frame": _row_numbers(route),
@@ -125,7 +133,7 @@ def build(
         "t_s": t_s,
         "route": route,
         "stretch": stretch,
-        "road_wheel_rad": np.concatenate([road_wheel_rad(log, wheel) for log in logs]),
+        "road_wheel_rad": angle_rad,
         "speed_mps": np.concatenate([log.speed_mps for log in logs]),
         "split": np.where(unusable == "", SPLITS[0], NONE),
         "why": unusable,
@@ -134,16 +142,22 @@ def build(
         "change": look.change,
         "shift": look.shift,
         "yaw_rate_radps": np.concatenate([log.yaw_rate_radps for log in logs]),
+        "camera_left_m": np.repeat([log.camera_left_m for log in logs], [len(log) for log in logs]),
     }
     unusable = clean(as_rows(columns), options.leave_out)
-    if short := too_short(options.split, t_s, route, unusable):
+    moment = moments(logs)
+    middle = moment == np.arange(len(moment))
+    split, why = np.where(unusable == "", SPLITS[0], NONE).astype("<U10"), unusable.astype("<U64")
+    if short := too_short(options.split, t_s[middle], route[middle], unusable[middle]):
         warn(
             f"trepid: {short}; all frames are in the split {SPLITS[0]}, and nothing is left to judge a network by:"
             " a longer drive, or a smaller --gap-s, leaves some"
         )
-        split, why = np.where(unusable == "", SPLITS[0], NONE), unusable
     else:
-        split, why = split_rows(options.split, t_s, route, unusable, look)
+        split[middle], why[middle] = split_rows(
+            options.split, t_s[middle], route[middle], unusable[middle], look.of(middle)
+        )
+    split_sides(split, why, moment, look)
     rows = as_rows(columns | {"split": split, "why": why})
     if not short:
         _check_splits(options.split, rows)
@@ -158,6 +172,29 @@ def build(
     )
     write(out, file, rows)
     return file
+
+
+def _labels(logs: list[Log], wheel: Wheel) -> Column:
+    """The road-wheel angles of all rows [rad], those of side cameras with the way back. Raises InputError."""
+    found: list[Column] = []
+    recorded_rad = np.empty(0)
+    for log in logs:
+        if not log.camera_left_m:
+            recorded_rad = road_wheel_rad(log, wheel)
+            found.append(recorded_rad)
+            continue
+        if wheel.wheelbase_m is None:
+            raise InputError(
+                f"{log.path}: the way back from a side camera needs the wheelbase: give --wheelbase-m or --car"
+            )
+        ahead_m = steering_settings().lookahead_m * load(CONFIG_DIR / "vehicle.yaml", Vehicle).scale
+        found.append(WayBack(ahead_m, wheel.wheelbase_m, wheel.lock_rad).correct(log, recorded_rad))
+        side = "left" if log.camera_left_m > 0 else "right"
+        log.notes.append(
+            f"{side} camera, {abs(log.camera_left_m):g} m from the middle, for training alone: its angles lead back"
+            f" to the recorded path {ahead_m:g} m ahead"
+        )
+    return np.concatenate(found)
 
 
 def _check_splits(rule: Split, rows: Rows) -> None:
@@ -183,11 +220,13 @@ def _check_options(logs: list[Log], options: BuildOptions) -> None:
     kinds, units = {log.kind for log in logs}, {log.unit for log in logs}
     table, wheel = options.table, options.wheel
     tubs = bool(kinds & {"tub1", "tub2"})
+    no_side = "no table names images of a left or a right camera"
     no_table, no_wheel = "no source is a table", "the logs hold no angles of a steering wheel"
     uses = (  # option, its value, whether a source uses it, and why not
         ("--column", table.renamed, "table" in kinds or (tubs and set(table.renamed) == {ANGLE}), no_table),
         ("--fps", table.fps, "table" in kinds, no_table),
         ("--video", table.video, "table" in kinds, no_table),
+        ("--side-camera-m", table.side_camera_m, any(log.camera_left_m for log in logs), no_side),
         ("--test-route", options.split.test_routes, options.split.by == "route", "needs --split route"),
         ("--lock-deg", wheel.lock_deg, SteeringUnit.LOCK in units, "the logs hold angles"),
         ("--steering-ratio", wheel.ratio, SteeringUnit.WHEEL in units, no_wheel),
@@ -250,11 +289,11 @@ def _measure_images(
 
 
 def _images(log: Log, faults: Faults) -> Iterator[Image | None]:
-    """The images of a log in order; None where one cannot be read, which ``faults`` gets."""
+    """The images of a log in order; None without one, and where it cannot be read, which ``faults`` gets."""
     with closing(PictureReader(log.root, log.topic)) as pictures:
         for name, item in zip(log.image, log.item.tolist(), strict=True):
             try:
-                yield pictures.read(name, item)
+                yield pictures.read(name, item) if name else None
             except InputError as error:
                 faults(str(error))
                 yield None

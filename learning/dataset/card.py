@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from learning.dataset.cleaning import BRIGHT, DARK, frozen_pieces, pieces
-from learning.dataset.dataset import NONE, SPLITS, Dataset, Rows
+from learning.dataset.dataset import NONE, SPLITS, Dataset, Rows, middle_rows
 from learning.dataset.likeness import STILL
 from learning.dataset.motion import Delay, delay_of, suspicious
 from learning.dataset.route_camera import route_camera
@@ -56,20 +56,27 @@ NAMED = 10
 
 
 def card_of(dataset: Dataset) -> dict[str, Any]:
-    """The card as JSON: counts, distribution of the labels, light, likeness, delay, suspicious labels, findings."""
+    """The card as JSON: counts, distribution of the labels, light, likeness, delay, suspicious labels, findings.
+
+    Drives, labels and light are those of the middle camera, whose labels were recorded.
+    """
     rows = dataset.rows()
-    used = rows[rows["split"] != NONE]
+    drive = middle_rows(rows)
+    used = drive[drive["split"] != NONE]
     delay, bad, still = delay_of(rows), suspicious(rows), frozen_pieces(rows)
     angles = np.degrees(used["road_wheel_rad"])
     card = {
         "frames": len(rows),
         "splits": {name: int((rows["split"] == name).sum()) for name in (*SPLITS, NONE)},
         "left_out": {why: count for why, count in Counter(rows["why"].tolist()).most_common() if why},
-        "routes": dict(Counter(rows["route"].tolist())),
-        "stretches": len(set(rows["stretch"].tolist())),
-        "duration_s": _duration_s(rows),
-        "time_runs_back": int(((np.diff(rows["t_s"]) < 0) & (rows["route"][1:] == rows["route"][:-1])).sum()),
-        "rate_hz": _rate_hz(rows),
+        "side_frames": int((rows["split"] != NONE).sum()) - len(used),
+        "routes": dict(Counter(drive["route"].tolist())),
+        "stretches": len(set(drive["stretch"].tolist())),
+        "duration_s": _duration_s(drive),
+        "time_runs_back": int(
+            ((np.diff(drive["t_s"]) < 0) & (drive["route"][1:] == drive["route"][:-1])).sum()
+        ),
+        "rate_hz": _rate_hz(drive),
         "size": _size(dataset, used),
         "speed_mps": _range(used["speed_mps"]),
         "wheel": dataset.wheel.model_dump(mode="json"),
@@ -164,7 +171,7 @@ def _findings(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[dict
     ):
         left = f"{100 * angle['left_share']:.0f} % of the bends are to the left"
         found.append((left, "record the other direction too, or train with mirrored images"))
-    rows = dataset.rows()
+    rows = middle_rows(dataset.rows())
     for split in SPLITS:
         angles = rows["road_wheel_rad"][rows["split"] == split]
         if without_steering(angles[np.isfinite(angles)]):
@@ -235,6 +242,10 @@ def as_text(card: dict[str, Any]) -> list[str]:
         f" {rate}, {size} pixels",
         *(f"left out    {count} {why}" for why, count in card["left_out"].items()),
     ]
+    if card["side_frames"]:
+        lines.append(
+            f"sides       {card['side_frames']} frames of side cameras train too, and are in no line below"
+        )
     lock = f"{math.degrees(wheel['lock_rad']):.1f}° at full lock, " if wheel["lock_rad"] else ""
     understeer = (
         f"understeer of {wheel['k_us']:g} rad/(m/s²) removed" if wheel["k_us"] else "no understeer removed"

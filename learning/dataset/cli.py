@@ -94,6 +94,15 @@ def build(
     video: Annotated[
         Path | None, typer.Option(help="Video whose frames the rows of a table describe.")
     ] = None,
+    side_camera_m: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=5.0,
+            help="Train on the left and right cameras of a table too, this far from the middle one [m]; their angle"
+            " leads back to the recorded path.",
+        ),
+    ] = None,
     strict: Annotated[
         bool,
         typer.Option(
@@ -124,7 +133,7 @@ def build(
             shares=_shares(shares),  # type: ignore[arg-type]
             test_routes=tuple(test_route or ()),
         ),
-        table=TableOptions(parse_columns(column or []), fps, video),
+        table=TableOptions(parse_columns(column or []), fps, video, side_camera_m),
         leave_out=tuple(_choice("--leave-out", rule, tuple(RULES)) for rule in leave_out or ()),
         command=typed_command(),
     )
@@ -222,21 +231,23 @@ def _shares(text: str) -> dict[str, float]:
 
 def _print_summary(made, left_out: int, *, as_json: bool) -> None:  # type: ignore[no-untyped-def]
     from learning.dataset.card import count_phrase
+    from learning.dataset.dataset import middle_rows
 
     rows = made.rows()
+    routes = len(set(middle_rows(rows)["route"].tolist()))
     splits, wheel = Counter(rows["split"].tolist()), made.wheel
     if as_json:
         summary = dict(
             frames=len(rows),
             splits=splits,
-            routes=len(set(rows["route"].tolist())),
+            routes=routes,
             left_out=left_out,
             wheel=wheel.model_dump(mode="json"),
             data_sha256=made.sha256,
         )
         print(json.dumps(summary))
         return
-    print(f"{made.folder}: {len(rows)} frames of {count_phrase(len(set(rows['route'].tolist())), 'route')}")
+    print(f"{made.folder}: {len(rows)} frames of {count_phrase(routes, 'route')}")
     print("  " + ", ".join(f"{name} {splits[name]}" for name in ("train", "validation", "test", "none")))
     for why, count in Counter(rows["why"].tolist()).most_common():
         if why:

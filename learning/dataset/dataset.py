@@ -13,6 +13,8 @@ A row of the index is a frame of a drive:
     speed_mps       float64  [m/s]; NaN: not known
     split           string   train, validation, test; none: left out, or in the gap between two splits
     why             string   the reason of ``none``, else empty
+    camera_left_m   float64  place of the camera to the left of the middle one [m]; other than 0: a side camera,
+                             whose label is not recorded but leads back to the path (:mod:`learning.dataset.sides`)
     light           float32  mean grey of the image, 0 to 1; NaN: cannot be read
     hash            uint64   difference hash of the image (:mod:`learning.dataset.likeness`)
     change          float32  mean difference of its small grey copy from the frame before, 0 to 1; NaN: none before
@@ -21,7 +23,8 @@ A row of the index is a frame of a drive:
     yaw_rate_radps  float32  recorded yaw rate, + = to the left; NaN: not known
 
 ``data_sha256`` is the SHA-256 of the columns of DATA in this order, of all rows: little-endian numbers, and strings
-in UTF-8 with a zero byte after each. It does not depend on the version of Parquet, nor on how images are decoded.
+in UTF-8 with a zero byte after each; ``camera_left_m`` counts where there is a side camera. It does not depend on
+the version of Parquet, nor on how images are decoded.
 """
 
 import hashlib
@@ -53,6 +56,7 @@ DATA = MappingProxyType(
         "speed_mps": "<f8",
         "split": "str",
         "why": "str",
+        "camera_left_m": "<f8",
     }
 )
 """Column of the index -> its type."""
@@ -197,6 +201,11 @@ class Dataset:
         return self._pictures[source]
 
 
+def middle_rows(rows: Rows) -> Rows:
+    """Those of ``rows`` with a recorded label: the frames of the middle camera."""
+    return rows[rows["camera_left_m"] == 0.0]
+
+
 def as_rows(columns: dict[str, Any]) -> Rows:
     """Columns of equal length as rows."""
     arrays = {
@@ -224,6 +233,8 @@ def sha256_of(rows: Rows) -> str:
     """``data_sha256`` of ``rows``."""
     digest = hashlib.sha256()
     for name, kind in DATA.items():
+        if name == "camera_left_m" and not rows[name].any():
+            continue
         if kind == "str":
             digest.update("".join(f"{text}\0" for text in rows[name].tolist()).encode())
         else:
@@ -251,6 +262,8 @@ def read_index(path: Path) -> Rows:
         table = pa.parquet.read_table(path)
     except (OSError, pa.ArrowException) as error:
         raise InputError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
+    if "camera_left_m" not in table.column_names:  # written before there were side cameras
+        table = table.append_column("camera_left_m", pa.array(np.zeros(len(table))))
     missing = [name for name in (*DATA, *MEASURED) if name not in table.column_names]
     if missing:
         raise InputError(f"{path}: no column {missing[0]}: not the index of a data set")

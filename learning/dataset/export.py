@@ -11,7 +11,7 @@ import numpy as np
 from cockpit.export.frames import DrivenFrame, rate_of
 from cockpit.export.lerobot import write_lerobot
 from cockpit.export.tub import write_tub
-from learning.dataset.dataset import Dataset
+from learning.dataset.dataset import Dataset, middle_rows
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 
@@ -25,10 +25,11 @@ def write_as(
 ) -> int:
     """Write the frames of ``splits`` into the new folder ``out``; their number. ``tick`` follows every frame.
 
+    Frames of side cameras are left out, because these layouts cannot say that their angle was not recorded.
     ``form`` is tub or lerobot. Raises InputError when there is no frame, and for images of several sizes.
     """
     splits = tuple(splits)
-    rows = np.concatenate([dataset.rows(name) for name in splits])
+    rows = np.concatenate([middle_rows(dataset.rows(name)) for name in splits])
     if not len(rows):
         raise InputError(f"{dataset.folder}: no frame in {', '.join(splits)}: nothing to export")
     if form == "tub" and not (np.abs(rows["t_s"]) < LATEST_S).all():
@@ -44,7 +45,7 @@ def _frames(dataset: Dataset, splits: Iterable[str], tick: Callable[[], None]) -
     """The frames, split by split; an episode ends with its stretch, and where frames are left out."""
     episode, before = -1, None
     for split in splits:
-        rows = dataset.rows(split)
+        rows = middle_rows(dataset.rows(split))
         for row, image in zip(rows, dataset.images(rows), strict=True):
             here = (split, row["route"], row["stretch"], row["frame"])
             if before != (*here[:3], here[3] - 1):

@@ -18,6 +18,7 @@ from learning.dataset.dataset import (
     write,
 )
 from learning.dataset.likeness import SMALL, ImageMeasurements, small_grey
+from learning.dataset.sides import NOT_JUDGED
 from learning.dataset.split import clear_duplicates, clear_gaps
 
 PART_S = 10.0  # of a drive of an added data set
@@ -60,6 +61,7 @@ def _divide_rows(rows: Rows, gap_s: float) -> Rows:
     part = (rows["t_s"] - first_s[drive]) // PART_S
     split = np.where(part % EVERY == VALIDATION, "validation", "train").astype("<U10")
     why = rows["why"].astype("<U64")
+    why[(split == "validation") & (rows["camera_left_m"] != 0.0) & (why == "")] = NOT_JUDGED
     clear_gaps(split, why, rows["t_s"], rows["route"], gap_s)
     columns = {name: rows[name] for name in rows.dtype.names or ()}
     return as_rows(columns | {"split": split, "why": why})

@@ -37,6 +37,12 @@ class ImageMeasurements:
     change: Floats  # from the image before; NaN: there is none
     shift: Floats  # of the view to the right since the image before, in widths; NaN: there is none
 
+    def of(self, rows: Mask) -> "ImageMeasurements":
+        """Those of some images."""
+        return ImageMeasurements(
+            self.light[rows], self.hash[rows], self.small[rows], self.change[rows], self.shift[rows]
+        )
+
 
 def small_grey(image: Image) -> Image:
     """The image in grey and small."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from learning.dataset.dataset import Rows
+from learning.dataset.dataset import Rows, middle_rows
 from trepid.types import Array, Column, Mask
 
 LAGS_S = 1.0
@@ -48,7 +48,8 @@ def motion_of(rows: Rows) -> tuple[Column, str]:
 
 
 def delay_of(rows: Rows) -> Delay:
-    """The delay of the motion after the labels."""
+    """The delay of the motion after the recorded labels."""
+    rows = middle_rows(rows)
     motion, by = motion_of(rows)
     label, stretch = rows["road_wheel_rad"], rows["stretch"]
     step_s = np.diff(rows["t_s"])
@@ -92,10 +93,11 @@ def _peak(values: Array, at: int) -> float:
 
 
 def suspicious(rows: Rows) -> Mask:
-    """Which labels contradict the motion; none where label and motion are not related."""
+    """Which recorded labels contradict the motion; none where label and motion are not related."""
     motion, _ = motion_of(rows)
     label = rows["road_wheel_rad"]
     usable = np.isfinite(label) & np.isfinite(motion) & (rows["split"] != "none")
+    usable &= rows["camera_left_m"] == 0.0
     none = np.zeros(len(rows), bool)
     if usable.sum() < LEAST_FRAMES:
         return none

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from learning.dataset.dataset import Dataset, Rows
+from learning.dataset.dataset import Dataset, Rows, middle_rows
 from learning.dataset.split import without_steering
 from learning.judging.scores import Angles, Scores
 from trepid.types import Floats
@@ -53,7 +53,10 @@ class Learning:
 
 
 class Baselines:
-    """The recorded angles of a split, and predictions of them that need no image, [rad] of the road wheel."""
+    """The recorded angles of a split, and predictions of them that need no image, [rad] of the road wheel.
+
+    Side cameras have no recorded angles, and are not judged.
+    """
 
     def __init__(self, dataset: Dataset, split: str, *, trained: Dataset | None = None) -> None:
         """``trained``: the data set whose training frames have the angle of the baseline "mean", if it is another.
@@ -61,12 +64,12 @@ class Baselines:
         Raises InputError for an unknown split and for one without labelled frames.
         """
         self.split = split
-        self.rows: Rows = dataset.labelled_rows(split)
-        every = dataset.rows()
+        self.rows: Rows = middle_rows(dataset.labelled_rows(split))
+        every = middle_rows(dataset.rows())
         labelled = every[np.isfinite(every["road_wheel_rad"])]
         judged: Flags = labelled["split"] == split
         self.true_rad: Angles = self.rows["road_wheel_rad"]
-        learned = (trained or dataset).rows("train")["road_wheel_rad"]
+        learned = middle_rows((trained or dataset).rows("train"))["road_wheel_rad"]
         learned = learned[np.isfinite(learned)]
         ago = previous(labelled["road_wheel_rad"], labelled["t_s"], labelled["stretch"])
         self.predicted_rad: dict[str, Angles] = {

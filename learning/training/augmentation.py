@@ -10,6 +10,7 @@ import math
 import cv2
 import numpy as np
 
+from learning.dataset.sides import returning_rad
 from learning.pixels import as_pixels, blemish, fog, rain, relight, shade, snow
 from learning.training.recipe import Augmentation
 from trepid.car.camera import Camera
@@ -52,7 +53,8 @@ class Augmenter:
         if rng.random() < settings.viewpoint:
             left_m, turned_rad = rng.normal(0, (settings.viewpoint_m, settings.viewpoint_rad))
             image = self.view_from(image, left_m, turned_rad)
-            label_rad = self.returning(label_rad, left_m, turned_rad)
+            ahead_m, wheelbase_m = settings.viewpoint_ahead_m, self._wheelbase_m
+            label_rad = returning_rad(label_rad, left_m, turned_rad, ahead_m=ahead_m, wheelbase_m=wheelbase_m)
         if rng.random() < settings.shift:
             image = _shift(image, settings.shift_share, rng)
         return image, label_rad
@@ -103,13 +105,6 @@ class Augmenter:
             for matrix, rows in ((far, slice(horizon)), (ground, slice(horizon, None)))
         ]
         return as_pixels(np.concatenate(parts))
-
-    def returning(self, label_rad: float, left_m: float, turned_rad: float) -> float:
-        """The angle that meets the recorded arc at ``viewpoint_ahead_m`` = ℓ: κ − 2·left/ℓ² − 2·turned/ℓ."""
-        ahead_m = self._settings.viewpoint_ahead_m
-        curvature = math.tan(label_rad) / self._wheelbase_m
-        back = -2 * left_m / ahead_m**2 - 2 * turned_rad / ahead_m
-        return math.atan(self._wheelbase_m * (curvature + back))
 
 
 def _shift(image: Image, share: float, rng: np.random.Generator) -> Image:

@@ -104,20 +104,37 @@ def write_tub_1(folder: Path, frames: int = 60) -> Path:
     return folder
 
 
-def write_udacity(folder: Path, frames: int = 400, *, header: bool = False) -> Path:
-    """A log of the Udacity simulator: ``driving_log.csv`` and the images in ``IMG``."""
+def write_udacity(folder: Path, frames: int = 400, *, header: bool = False, sides: bool = False) -> Path:
+    """A log of the Udacity simulator: ``driving_log.csv`` and the images in ``IMG``.
+
+    ``sides``: with images of the left and right cameras, which see the line further right and left.
+    """
     steering = steering_of(frames)
     names = [
         f"center_2018_07_16_17_{11 + ms // 60000:02}_{ms // 1000 % 60:02}_{ms % 1000:03}.jpg"
         for ms in (50 * np.arange(frames)).tolist()
     ]
     write_pictures(folder / "IMG", names, steering)
+    beside = {"left": 0.2, "right": -0.2} if sides else {}
+    for side, shift in beside.items():
+        write_pictures(folder / "IMG", [name.replace("center", side) for name in names], steering + shift)
     with (folder / "driving_log.csv").open("w", newline="") as file:
         writer = csv.writer(file)
         if header:
             writer.writerow(["center", "left", "right", "steering", "throttle", "brake", "speed"])
         writer.writerows(
-            [f"IMG/{name}", "", "", value, 0.3, 0, 15.0] for name, value in zip(names, steering, strict=True)
+            [
+                f"IMG/{name}",
+                *(
+                    f"IMG/{name.replace('center', side)}" if side in beside else ""
+                    for side in ("left", "right")
+                ),
+                value,
+                0.3,
+                0,
+                15.0,
+            ]
+            for name, value in zip(names, steering, strict=True)
         )
     return folder
 

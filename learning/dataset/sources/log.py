@@ -51,6 +51,9 @@ class Log:
     lock_source: str = ""  # why so
     unread: int = 0  # rows that cannot be read
     topic: str | None = None
+    left: list[str] = field(default_factory=list)  # images of the left camera, as ``image``; "": none
+    right: list[str] = field(default_factory=list)
+    camera_left_m: float = 0.0  # place of the camera to the left of the middle one
     notes: list[str] = field(default_factory=list)
 
     def __len__(self) -> int:

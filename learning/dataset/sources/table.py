@@ -3,7 +3,7 @@
 Two forms: ``driving_log.csv`` of the Udacity behavioural-cloning simulator (center, left, right, steering,
 throttle, brake, speed in mph; with or without a header; times in the names of the images; ±1 is ±25° and positive
 to the right), and any table with a header, whose columns are found by their names in COLUMNS or named by
-``--column``.
+``--column``. Images of a left and a right camera are read where their distance is given.
 """
 
 import math
@@ -39,6 +39,8 @@ UDACITY_STAMP = re.compile(r"_(\d{4}_\d\d_\d\d_\d\d_\d\d_\d\d_\d{1,3})\.\w+$")
 COLUMNS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "image": dict.fromkeys(("image", "filename", "file", "frame_path", "path", "center", "img"), 1.0),
+        "left image": dict.fromkeys(("left", "left_image", "image_left"), 1.0),
+        "right image": dict.fromkeys(("right", "right_image", "image_right"), 1.0),
         "frame": dict.fromkeys(("frame", "frame_number", "frame_index"), 1.0),
         "time": {
             "t_s": 1.0,
@@ -62,6 +64,7 @@ COLUMNS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "route": dict.fromkeys(("route", "drive", "session"), 1.0),
     }
 )
+SIDES = ("left image", "right image")
 ANGLES = ("road wheel", "steering wheel", "lock")
 NAMES = tuple(name for names in COLUMNS.values() for name in names)
 
@@ -73,6 +76,7 @@ class TableOptions:
     renamed: Mapping[str, str] = field(default_factory=dict)  # name of COLUMNS -> column of the table
     fps: float | None = None  # of rows without times
     video: Path | None = None  # that holds the frames; None: image files
+    side_camera_m: float | None = None  # of the left and the right camera from the middle one; None: not read
 
 
 def read_table(path: Path, faults: Faults, options: TableOptions) -> Log:
@@ -85,7 +89,7 @@ def read_table(path: Path, faults: Faults, options: TableOptions) -> Log:
         refuse_halved_numbers(path, rows, len(UDACITY))
     if _is_udacity(header) and not options.renamed:
         has_header = tuple(name.lower() for name in header) == UDACITY
-        return _udacity(path, rows[1:] if has_header else rows, faults)
+        return _udacity(path, rows[1:] if has_header else rows, faults, options)
     return _log_of_columns(path, header, rows[1:], faults, options)
 
 
@@ -95,14 +99,16 @@ def _is_udacity(header: list[str]) -> bool:
     return len(header) == len(UDACITY) and UDACITY_STAMP.search(header[0]) is not None
 
 
-def _udacity(path: Path, rows: list[Row], faults: Faults) -> Log:
+def _udacity(path: Path, rows: list[Row], faults: Faults, options: TableOptions) -> Log:
     found, names, where, before = [], [], [], faults.rows
+    sides: list[tuple[str, str]] = []
     for line, row in ((row.line, row.cells) for row in rows):
         try:
             if len(row) != len(UDACITY):
                 raise ValueError(f"expected {len(UDACITY)} columns, got {len(row)}")
             found.append((_stamp_s(row[0]), number(row[3].strip()), MPS_PER_MPH * number(row[6].strip())))
             names.append(_below(path.parent, row[0].strip()))
+            sides.append((_side_image(path.parent, row[1]), _side_image(path.parent, row[2])))
             where.append(f"{path}:{line}")
         except ValueError as error:
             faults(f"{path}:{line}: {error}")
@@ -112,8 +118,11 @@ def _udacity(path: Path, rows: list[Row], faults: Faults) -> Log:
     log = _log("udacity", path, names, t_s, steering, SteeringUnit.LOCK, where)
     log.speed_mps, log.unread = speed_mps, faults.rows - before
     log.lock_rad, log.lock_source = math.radians(UDACITY_LOCK_DEG), "of the Udacity simulator"
-    if any(row.cells[1].strip() for row in rows if len(row.cells) == len(UDACITY)):
-        log.notes.append("images of the centre camera; those of left and right are not used")
+    left, right = (list(images) for images in zip(*sides, strict=True))
+    if options.side_camera_m is not None:
+        log.left, log.right = left, right
+    elif any(left) or any(right):
+        log.notes.append("images of the centre camera; those of left and right need --side-camera-m")
     return log
 
 
@@ -138,6 +147,11 @@ def _below(folder: Path, name: str) -> str:
     return next(there, near)
 
 
+def _side_image(folder: Path, cell: str) -> str:
+    """The image of a side camera; empty without one."""
+    return _below(folder, cell.strip()) if cell.strip() else ""
+
+
 def _log_of_columns(
     path: Path, header: list[str], rows: list[Row], faults: Faults, options: TableOptions
 ) -> Log:
@@ -145,7 +159,7 @@ def _log_of_columns(
     if "time" in at and options.fps is not None:
         raise InputError(f"{path}:1: has times in the column {header[at['time']]!r}; leave out --fps")
     angle = next(quantity for quantity in ANGLES if quantity in at)
-    texts: dict[str, list[str]] = {"image": [], "route": [], "where": []}
+    texts: dict[str, list[str]] = {"image": [], "route": [], "where": [], **{side: [] for side in SIDES}}
     numbers: list[list[float]] = []
     numeric = [quantity for quantity in ("frame", "time", angle, "speed", "yaw rate") if quantity in at]
     before = faults.rows
@@ -163,6 +177,8 @@ def _log_of_columns(
         texts["image"].append(image)
         texts["route"].append(row[at["route"]].strip() if "route" in at else "")
         texts["where"].append(f"{path}:{line}")
+        for side in SIDES:
+            texts[side].append(_side_image(path.parent, row[at[side]]) if side in at else "")
     if not numbers:
         raise InputError(f"{path}: no row can be read")
     columns = dict(zip(("row", *numeric), np.array(numbers, dtype=np.float64).T, strict=True))
@@ -175,6 +191,7 @@ def _log_of_columns(
     _name_film_frames(log, columns.get("frame", columns["row"]), options)
     log.speed_mps = columns.get("speed", log.speed_mps)
     log.yaw_rate_radps = columns.get("yaw rate", log.yaw_rate_radps)
+    log.left, log.right = (texts[side] for side in SIDES)
     log.unread = faults.rows - before
     log.left_positive = angle != "lock"
     log.notes.append("columns: " + ", ".join(f"{quantity} = {header[at[quantity]]}" for quantity in at))
@@ -195,8 +212,11 @@ def _choose_columns(
     named = {
         quantity: [name for name in known if name in options.renamed] for quantity, known in COLUMNS.items()
     }
+    if options.side_camera_m is None and (sides := [name for side in SIDES for name in named[side]]):
+        raise InputError(f"--column {sides[0]}: needs --side-camera-m")
     named_angles = [quantity for quantity in ANGLES if named[quantity]]
-    unused = {"frame" if options.video is None else "image"}
+    unused = {"frame"} if options.video is None else {"image", *SIDES}
+    unused |= set() if options.side_camera_m is not None else {*SIDES}
     if named_angles:
         unused |= {*ANGLES} - {named_angles[0]}
     for several in (*named.values(), [name for quantity in ANGLES for name in named[quantity]]):
