@@ -55,6 +55,9 @@ def calibrate(
         typer.Argument(metavar="[BOARD…]", help="Images, folders or videos of a chessboard, for the lens."),
     ] = None,
     corners: Annotated[str, typer.Option(help="Inner corners of the board, columns x rows.")] = "9x6",
+    fisheye: Annotated[
+        bool, typer.Option("--fisheye", help="The lens is a fisheye: straight lines are clearly bent.")
+    ] = False,
     straight: Annotated[
         Path | None,
         typer.Option(
@@ -108,7 +111,10 @@ def calibrate(
     _check_options(out if not force else None, lane_width, speed, width)
     mount = _mount(rotate, mirror)
     start = load(camera, Camera)
-    measured, notes, report = _measure_camera(start, boards, corners, straight, mount, speed, lane_width)
+    if fisheye and not boards:
+        raise InputError("--fisheye: needs images of a chessboard")
+    lens = intrinsics(_pictures(boards, mount), _corners(corners), fisheye=fisheye) if boards else None
+    measured, notes, report = _measure_camera(start, lens, straight, mount, speed, lane_width)
     if drive is not None:
         found = _measure_by_drive(measured, drive, mount, lens_known=bool(boards))
         measured, notes["drive"] = found.camera, _drive_note(found)
@@ -183,19 +189,17 @@ def _check_options(
 
 def _measure_camera(
     camera: Camera,
-    boards: list[Path] | None,
-    corners: str,
+    lens: Intrinsics | None,
     straight: Path | None,
     mount: Mount,
     speed_mps: float | None,
     lane_width_m: float | None,
 ) -> tuple[Camera, dict[str, str], dict[str, Any]]:
-    """``camera`` with the lens of ``boards`` and the mounting of ``straight``; notes on both; their reports."""
+    """``camera`` with ``lens`` and the mounting of ``straight``; notes on both; their reports."""
     measured = camera
     notes: dict[str, str] = {}
     report: dict[str, Any] = {}
-    if boards:
-        lens = intrinsics(_pictures(boards, mount), _corners(corners))
+    if lens is not None:
         measured = _with_lens(measured, lens)
         notes["intrinsics"], report["intrinsics"] = _lens_note(lens), _fields(lens, LENS_REPORT)
     if straight is not None:
@@ -272,7 +276,7 @@ def _with_lens(camera: Camera, lens: Intrinsics) -> Camera:
             "fy_px": round(float(lens.matrix[1, 1]), 2),
             "cx_px": round(float(lens.matrix[0, 2]), 2),
             "cy_px": round(float(lens.matrix[1, 2]), 2),
-            "distortion": tuple(round(float(value), 5) for value in lens.distortion),
+            "distortion": tuple(float(f"{value:.7g}") for value in lens.distortion),
         }
     )
 
@@ -282,6 +286,7 @@ def _lens_note(lens: Intrinsics) -> str:
     return (
         f"intrinsics: {len(lens.boards)} images of a chessboard{left_out}, rms {lens.reprojection_px:.2f} px,"
         f" focal length within {100 * lens.focal_doubt:.1f} %"
+        + (", a fisheye" if lens.fisheye is not None else "")
     )
 
 

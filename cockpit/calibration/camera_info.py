@@ -7,11 +7,10 @@ region of interest is read out first, then pixels are binned (sensor_msgs/Camera
 - ``plumb_bob``: k1 k2 p1 p2 k3 of Brown and Conrady, as in :class:`trepid.car.camera.Camera`.
 - ``rational_polynomial``: k1 k2 p1 p2 k3 k4 k5 k6, the same with a quotient of polynomials.
 - ``equidistant``: a fisheye by Kannala and Brandt, IEEE PAMI 28(8), 2006,
-  r_d = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) at the angle θ from the axis. A quotient of polynomials in
-  r = tan θ is fitted to it up to the corner of the image, at most to MOST_RAD.
+  r_d = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) at the angle θ from the axis, taken as a quotient of polynomials
+  (:mod:`cockpit.calibration.fisheye`).
 """
 
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -29,14 +28,11 @@ from pydantic import (
     PositiveInt,
 )
 
+from cockpit.calibration.fisheye import FIT_PX, corner_radius, fit_quotient
 from trepid.car.camera import Camera
 from trepid.config import InputError, parse, read_first
-from trepid.types import Array
 
-MOST_RAD = math.radians(75.0)  # from the axis; a plane image beyond is more than 3.7 focal lengths away
-FIT_PX = 0.5  # largest error of a fitted lens
 SKEW_PX = 0.5  # over the height of the image, that a camera without skew may have
-ANGLES, ROUNDS = 400, 20  # of the fit
 
 _OPENCV_HEAD = re.compile(r"\A%YAML:1\.0\s*\n(?:---[^\n]*\n)?")
 _OPENCV_TAG = re.compile(r"(?<=:)\s*!!opencv-matrix")
@@ -149,11 +145,8 @@ def import_camera(path: Path, mounting: Camera) -> ImportedCamera:
     coefficients = _strip_zeros(message.d)
     if len(coefficients) > needs:
         raise InputError(f"{path}: {name} has {needs} coefficients, got {len(message.d)}")
-    corner = float(
-        np.hypot(
-            max(cx_px, message.width - 1 - cx_px) / fx_px, max(cy_px, message.height - 1 - cy_px) / fy_px
-        )
-    )
+    k = np.array(message.k).reshape(3, 3)
+    corner = corner_radius(k, (message.width, message.height))
     distortion, error = lens((*coefficients, *[0.0] * (needs - len(coefficients))), corner)
     fit_px = None if error is None else error * max(fx_px, fy_px)
     if fit_px is not None and not fit_px <= FIT_PX:
@@ -228,54 +221,11 @@ def _strip_zeros(coefficients: Sequence[float]) -> tuple[float, ...]:
     return tuple(coefficients[:count])
 
 
-def _fit_fisheye(coefficients: Sequence[float], corner: float) -> tuple[tuple[float, ...], float]:
-    """k1 k2 0 0 k3 k4 k5 k6 of the fisheye with these four coefficients, and the largest error [focal lengths].
-
-    Σ (r (1 + a1 s + a2 s² + a3 s³)/(1 + b1 s + b2 s² + b3 s³) − r_d)², s = r², is minimised by linear least squares
-    whose weights are the denominators of the round before (Sanathanan and Koerner, IEEE TAC 8(1), 1963).
-    """
-    powers = 2 * np.arange(1, 5)
-
-    def radius(angle: Array) -> Array:
-        return np.asarray(angle * (1.0 + np.power.outer(angle, powers) @ np.asarray(coefficients)))
-
-    angles = np.linspace(0.0, MOST_RAD, ANGLES + 1)[1:]
-    beyond = np.flatnonzero(radius(angles) >= corner)
-    angles = np.linspace(0.0, angles[beyond[0]] if len(beyond) else MOST_RAD, ANGLES + 1)[1:]
-    plane, bent = np.tan(angles), radius(angles)
-    if (np.diff(bent) <= 0.0).any():
-        return (), math.inf  # two rays at one pixel
-    # With all terms of a lens that needs few, the denominator may have a zero that the numerator cancels.
-    return min((_quotient(plane, bent, terms) for terms in (3, 2, 1)), key=lambda found: found[1])
-
-
-def _quotient(plane: Array, bent: Array, terms: int) -> tuple[tuple[float, ...], float]:
-    """The quotient with ``terms`` in numerator and denominator for the radii ``bent`` at ``plane``, and its error.
-
-    The error of a quotient with a zero in its denominator is infinite.
-    """
-    square, ratio, weight = plane**2, bent / plane, np.ones_like(plane)
-    powers = np.stack([square**power for power in range(1, terms + 1)], axis=1)
-    best: tuple[tuple[float, ...], float] = (), math.inf
-    for _ in range(ROUNDS):
-        rows = np.hstack([powers, -ratio[:, None] * powers]) * (weight * plane)[:, None]
-        scale = np.linalg.norm(rows, axis=0)
-        found = np.linalg.lstsq(rows / scale, (ratio - 1.0) * weight * plane, rcond=1e-14)[0] / scale
-        above, below = 1.0 + powers @ found[:terms], 1.0 + powers @ found[terms:]
-        error = float(np.abs(plane * above / below - bent).max())
-        if below.min() > 0.0 and error < best[1]:
-            k = np.zeros((2, 3))
-            k[:, :terms] = found.reshape(2, terms)
-            best = (*k[0, :2].tolist(), 0.0, 0.0, float(k[0, 2]), *k[1].tolist()), error
-        weight = 1.0 / np.abs(below)
-    return best
-
-
 LENSES: dict[str, tuple[int, Lens]] = {
     "plumb_bob": (5, _as_stated),
     "rational_polynomial": (8, _as_stated),
-    "equidistant": (4, _fit_fisheye),
-    "fisheye": (4, _fit_fisheye),
+    "equidistant": (4, fit_quotient),
+    "fisheye": (4, fit_quotient),
 }
 
 
