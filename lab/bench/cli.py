@@ -10,12 +10,13 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from lab.bench.age import ages
 from lab.bench.catalogue import BENCHMARKS, BY_DEFAULT, GROUPS, function, names_of
-from lab.bench.results import Result, check_folder, machine, save
+from lab.bench.results import Result, check_folder, machine, save, stored_results
 from lab.bench.text import brief, tables
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.scenario import list_scenarios
-from trepid.config import InputError
+from trepid.config import ROOT, InputError
 from trepid.loudness import note
 from trepid.spelling import did_you_mean_or_list
 
@@ -39,6 +40,12 @@ def bench(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     list_only: Annotated[bool, typer.Option("--list", help="Print the benchmarks and stop.")] = False,
+    stored: Annotated[
+        bool,
+        typer.Option(
+            help="Print the stored results: date, commit, and whether they are older than the code; then stop."
+        ),
+    ] = False,
     save_in: Annotated[
         Path | None,
         typer.Option(
@@ -112,6 +119,9 @@ def bench(
     if list_only:
         print("\n".join(f"{name:22} {benchmark.summary}" for name, benchmark in BENCHMARKS.items()))
         return 0
+    if stored:
+        print_stored(as_json=as_json)
+        return 0
     wanted = benchmarks(names or BY_DEFAULT)
     if save_in is not None:
         check_folder(save_in)
@@ -132,6 +142,18 @@ def bench(
     measured = {name: run(name, taken[name], save_in) for name in wanted}
     show(of_run, measured, as_json=as_json)
     return 0
+
+
+def print_stored(*, as_json: bool) -> None:
+    """Print date, commit and age of the stored results, as JSON Lines or as lines."""
+    results = stored_results(ROOT / "lab" / "results")
+    sentences = ages({name: one.commit for name, one in results.items()})
+    for name, one in results.items():
+        age = sentences.get(name, "")
+        if as_json:
+            print(json.dumps({"benchmark": name, "date": one.date, "commit": one.commit, "age": age}))
+        else:
+            print(f"{name:22} {one.date}  {one.commit:9} {age}".rstrip())
 
 
 def benchmarks(names: Sequence[str]) -> list[str]:

@@ -6,6 +6,8 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
+from lab.bench.age import ages, with_ages
+from lab.bench.results import stored_results
 from lab.site import fields, python, verbs
 from lab.site.links import lead_within
 from trepid.config import ROOT
@@ -14,13 +16,14 @@ OF_CODE: Mapping[str, Callable[[], str]] = MappingProxyType(
     {"files.md": fields.page, "verbs.md": verbs.page, "messages.md": python.messages_page, **python.PAGES}
 )
 """Page of the site -> what writes it."""
+RESULTS = "results.md"
 OF_REPOSITORY = MappingProxyType(
     {
         "CHANGELOG.md": "changelog.md",
         "CONTRIBUTING.md": "contributing.md",
         "SECURITY.md": "security.md",
         "examples/add_on/README.md": "add_on.md",
-        "lab/results/README.md": "results.md",
+        "lab/results/README.md": RESULTS,
     }
 )
 """Page of the repository outside docs/ -> page of the site."""
@@ -33,12 +36,19 @@ def _pages(files: Files) -> dict[str, str]:
     return {**own, **OF_REPOSITORY, **pictures}
 
 
+def add_ages(text: str) -> str:
+    """The page of results, where each result that is older than the code says so."""
+    stored = stored_results(ROOT / "lab" / "results")
+    return with_ages(text, ages({name: one.commit for name, one in stored.items()}))
+
+
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that stand nowhere below docs/."""
     for name, write in OF_CODE.items():
         files.append(File.generated(config, name, content=write()))
     for source, name in OF_REPOSITORY.items():
-        files.append(File.generated(config, name, content=(ROOT / source).read_text(encoding="utf-8")))
+        text = (ROOT / source).read_text(encoding="utf-8")
+        files.append(File.generated(config, name, content=add_ages(text) if name == RESULTS else text))
     for path in (ROOT / "lab" / "results").glob("*.png"):
         files.append(File.generated(config, path.name, abs_src_path=str(path)))
     return files

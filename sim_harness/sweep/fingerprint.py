@@ -4,12 +4,12 @@ import ast
 import hashlib
 import importlib.metadata
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
 from perception.estimators import entry_of
-from trepid.config import CONFIG_DIR, ROOT, car_folder
+from trepid.config import CONFIG_DIR, IS_INSTALLED, ROOT, car_folder
 from trepid.packages import PACKAGES
 
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "onnxruntime", "scikit-fuzzy")
@@ -84,9 +84,10 @@ def import_closure(modules: Iterable[str]) -> list[str]:
     return sorted(path.relative_to(ROOT).as_posix() for path in found.values())
 
 
+@cache
 def _file_of(module: str) -> Path | None:
-    """The file of a module of Trepid; None for any other."""
-    if module.split(".", maxsplit=1)[0] not in PACKAGES:
+    """The file of a module of Trepid, or in a checkout of any other module beside it; None for others."""
+    if IS_INSTALLED and module.split(".", maxsplit=1)[0] not in PACKAGES:
         return None
     path = ROOT.joinpath(*module.split("."))
     files = (path.with_suffix(".py"), path / "__init__.py")
@@ -95,10 +96,24 @@ def _file_of(module: str) -> Path | None:
 
 @cache
 def _imports(path: Path) -> tuple[str, ...]:
+    """What a file imports when it runs, in functions too; not what its annotations alone need."""
     names: list[str] = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _running(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
             names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
     return tuple(names)
+
+
+def _running(tree: ast.AST) -> Iterator[ast.AST]:
+    """The nodes of ``tree`` but those under ``if TYPE_CHECKING``."""
+    yield tree
+    for child in ast.iter_child_nodes(tree):
+        if (
+            isinstance(child, ast.If)
+            and isinstance(child.test, ast.Name)
+            and child.test.id == "TYPE_CHECKING"
+        ):
+            continue
+        yield from _running(child)
