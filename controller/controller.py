@@ -53,7 +53,7 @@ _MAX_OVERSTEER = 0.95  # of the critical speed, up to which the bicycle model is
 _NUMBERS = attrgetter(  # of a decision; the inputs of the rules may be unknown
     *("t_s", "fear", "path_t_s", "lateral_offset_m", "heading_error_rad", "curvature_1pm"),
     *("curvature_rate_1pm2", "lookahead_m", "disagreement_mps2", "speed_factor", "speed_cap_mps"),
-    *("sight_m", "sight_cap_mps", "road_user_m", "lane_unseen_s", "lead_m"),
+    *("sight_m", "sight_cap_mps", "road_user_m", "lane_unseen_s", "lead_m", "line_crossing_s"),
 )
 _EASED_SHARE = 0.5  # of the lateral acceleration in bends, left while the limiter cuts the steering
 

@@ -10,6 +10,7 @@ from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS, USERS
 from supervisor.rules.reload import RuleWatch
 from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
+from trepid.causes import line_words
 from trepid.messages import Health
 from trepid.processes.journal import Journal
 from trepid.processes.process import Process, Values
@@ -105,7 +106,8 @@ class SupervisorNode:
             self._health = change.apply(self._supervisor.adopt)
             if self._health[0] is Health.OK:
                 self._adopted.append(change.values(from_s=now_s))
-        self._me.count_step(*self._health)
+        health, message = self._health
+        self._me.count_step(health, "; ".join(filter(None, (message, line_words(decision.line_warning)))))
 
     def _of_one_frame(self) -> bool:
         """True when the newest messages of all estimators are of one frame."""

@@ -25,6 +25,7 @@ from supervisor.rules.inference import CALM, FearResult, FearRules
 from supervisor.rules.verify import load_verified
 from supervisor.situation.added import RATED_AS, near_miss, unrated_names, wrong_ranges
 from supervisor.situation.features import unknown_features
+from supervisor.situation.line_warning import LineWarning, LineWarningSettings
 from supervisor.situation.world_state import WorldState, WorldStateObserver
 from trepid.bounds import at_most
 from trepid.car.vehicle import Vehicle
@@ -66,6 +67,7 @@ class SupervisorSettings(Settings):
     sight: SightSettings
     follow: FollowSettings
     giving_way: GivingWaySettings
+    line_warning: LineWarningSettings
 
     def problems(self, rules: FearRules) -> Iterator[tuple[FieldPath, str]]:
         """Path and error text of every name that ``rules`` do not know, or whose stop can never come.
@@ -130,6 +132,7 @@ class Supervisor:
             rated_as=settings.rated_as,
             enlargement=enlargement,
         )
+        self._line_warning = LineWarning(settings.line_warning, vehicle)
         self._lateness = Lateness(settings.validation.late)
         self._watchdog = Watchdog(settings.validation, frames_s=settings.modes.comfort_stop_age_s)
         self._doubts = Doubts(settings.modes)
@@ -138,8 +141,7 @@ class Supervisor:
         self._speed = SpeedFactor(settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)
         self._stop = self._mode.stop  # the stop of the mode, or a brake without a change of the mode
-        self._driver = False  # a driver acted at the last step
-        self._has_driven = False
+        self._driver = self._has_driven = False  # a driver acted at the last step; the car has driven
 
     def adopt(self, rules: FearRules) -> None:
         """Use ``rules`` from the next step on; mode, timers and memory stay.
@@ -179,9 +181,8 @@ class Supervisor:
         """
         enlarged = self._reference.enlarge
         estimates = {name: enlarged(f"estimate {name}", estimate) for name, estimate in estimates.items()}
-        statistics = enlarged("statistics", statistics)
+        statistics, road_users = enlarged("statistics", statistics), enlarged("road_users", road_users)
         lead, state = enlarged("lead", lead), enlarged("state", state)
-        road_users = enlarged("road_users", road_users)
         rules, driver = self._rules, state is not None and state.driver_override
         world = self._observer.step(
             *(rules, estimates, statistics, lead, state),
@@ -265,8 +266,7 @@ class Supervisor:
     def _path(self, world: WorldState, now_s: float) -> Path | None:
         """The path of the road, or the trail of the vehicle ahead where the road is lost, blended at a change.
 
-        None before the first drive while estimates are unsure or only one of several is used: they do not turn the
-        wheels when a driver lets go of a moving car too soon.
+        None before the first drive while estimates are unsure or lone: a driver may let go of the car too soon.
         """
         road, trail = world.fused.path, world.trail.path
         lone = len(world.fused.sources) < at_most(len(world.estimates), 2)
@@ -312,6 +312,7 @@ class Supervisor:
             lead_m=world.ahead.distance_m,
             road_user=way.kind,
             road_user_m=way.ahead_m,
+            **self._line_warning.step(world, now_s=now_s)._asdict(),
             sight_m=world.sight.sight_m,
             sight_cause=world.sight.cause,
             sight_cap_mps=world.sight.cap_mps if math.isfinite(world.sight.cap_mps) else None,

@@ -121,6 +121,11 @@ def in_words(cause: str, part: str = "") -> str:
     return concerning(IN_WORDS.get(cause, cause.replace("_", " ")), part)
 
 
+def line_words(side: str) -> str:
+    """The warning of ``Decision.line_warning`` as a driver says it; "" without one."""
+    return side and f"a wheel is about to cross the {side} edge of the lane"
+
+
 BRIEF_S = 0.3  # a lane that is not seen for a shorter time is no news
 _NO_LANE = frozenset({Cause.NO_ROAD, Cause.UNCONFIRMED, Cause.LOW_CONFIDENCE})
 

@@ -253,6 +253,12 @@ class Decision:
     road_user_m: float | None = None  # ... and its distance ahead of the front bumper
     lane_unseen_s: float | None = None  # since the newest frame with a lane; None: there was none so far
     lead_m: float | None = None  # distance of the vehicle ahead from the front bumper; None: none
+    line_warning: str = (
+        ""  # side of the edge of the lane that a wheel is about to cross: "left", "right"; "": none
+    )
+    line_crossing_s: float | None = (
+        None  # until a wheel is over an edge; None: not known, or none comes to it
+    )
     limited_by: Limit = Limit.UNKNOWN  # what sets the speed cap
     # last, because a recording is searched by the last bytes of its decisions (cockpit/logbook/recall.py)
     speed_factor: float  # 0..1, non-increasing in fear

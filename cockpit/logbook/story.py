@@ -130,7 +130,7 @@ def _moment(drive: Recall, index: int) -> Story:
     return {
         "moment_s": _at(drive, index),
         **_fields(decision, "mode", "stop", "fear", "level", "cause", "part", "speed_cap_mps", "waits_for"),
-        **_fields(decision, "road_user", "road_user_m"),
+        **_fields(decision, "road_user", "road_user_m", "line_warning", "line_crossing_s"),
         "limited_by": decision.limited_by,
         "said": drive.decision_sentence(index),
         "rules": _rules(drive, decision),

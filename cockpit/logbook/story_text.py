@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from cockpit.logbook.story import Story
-from trepid.causes import concerning
+from trepid.causes import concerning, line_words
 from trepid.recording.reader import RecordingContent
 
 SHOWN_RULES, SHOWN_CHANGES, SHOWN_RISES = 6, 5, 6
@@ -59,6 +59,7 @@ def _calm(story: Story) -> Iterator[str]:
         f" {_cause(story)}; speed {speed}, {_cap_words(story)}."
     )
     yield _shown_words(story)
+    yield from _line_warning(story)
     yield _sight(story)
     yield from _rules(story, story["rules"])
     yield from _rise(story)
@@ -69,6 +70,14 @@ def _calm(story: Story) -> Iterator[str]:
 def _shown_words(story: Story) -> str:
     """What page and terminal showed at the moment."""
     return f"The car said: {story['said']}."
+
+
+def _line_warning(story: Story) -> Iterator[str]:
+    """The warning to the driver at the moment."""
+    if story["line_warning"]:
+        crossing_s = story["line_crossing_s"]
+        when = "" if crossing_s is None else f", in {crossing_s:.1f} s"
+        yield f"The driver was warned: {line_words(story['line_warning'])}{when}."
 
 
 def _sight(story: Story) -> str:
@@ -125,6 +134,7 @@ def _by_supervisor(story: Story) -> Iterator[str]:
     yield _course(story)
     yield _reason(story)
     yield _shown_words(story)
+    yield from _line_warning(story)
     yield _sight(story)
     yield from _rules(story, [rule for rule in story["rules"] if rule["adds"] > 0])
     yield from _estimates(story)

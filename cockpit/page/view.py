@@ -11,7 +11,7 @@ from cockpit.page.stop import Hold
 from drive.reason import fired_rules, own_stop, reason, speed_limit_mps
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.causes import concerning, in_words
+from trepid.causes import concerning, in_words, line_words
 from trepid.messages import Command, CompressedFrame, Decision, Diagnostic, SteeringEstimate, Timing
 from trepid.processes.register import END, PROBLEMS, PROCESS
 from vehicle.driver.stop_button import STOPPED
@@ -187,6 +187,8 @@ def _decision(decision: Decision) -> dict[str, Any]:
         "sight": decision.sight_m,
         "sight_cause": decision.sight_cause,
         "error": decision.lateral_offset_m,
+        "line_warning": decision.line_warning,
+        "line_words": line_words(decision.line_warning),
     }
 
 

@@ -144,7 +144,7 @@ def early_features(
     found["speed"] = speed_mps
     found["saturated"] = saturated_s
     found["turn_excess"] = turn_excess_mps2
-    found["lane_width"] = _narrowest_m(estimates)
+    found["lane_width"] = narrowest_m(estimates)
     found["lane_width_error"] = _lane_width_error(estimates)
     found["unmarked"] = _unmarked_degree(estimates)
     found["unmarked_way"] = edges.unmarked_m
@@ -207,7 +207,7 @@ def features(
     found["single_source"] = single_source_s
     found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps, enlargement)
     # An unknown width of a measured lane counts as the narrowest lane: no room at all.
-    room_m = _narrowest_m(estimates, unknown_m=0.0)
+    room_m = narrowest_m(estimates, unknown_m=0.0)
     found["crossing"] = _crossing_s(fused, motion, room_m, half_width_m)
     found["person_time"] = None if way is None else at_most(way.time_s, BEYOND)
     found["person_margin"] = _person_margin_mps(way, speed_mps)
@@ -236,7 +236,7 @@ def _lane_width_error(estimates: list[ValidatedEstimate]) -> float:
     return max(_by_confidence(found), default=BEYOND)
 
 
-def _narrowest_m(estimates: list[ValidatedEstimate], unknown_m: float | None = None) -> float:
+def narrowest_m(estimates: list[ValidatedEstimate], unknown_m: float | None = None) -> float:
     """The least width of the estimators that measure boundaries, each drawn as that of :func:`_lane_width_error`.
 
     An unknown width counts as ``unknown_m``, or not at all. BEYOND where there is none, for which lane_width_error
@@ -293,11 +293,11 @@ def _crossing_s(
     room_m = at_least(lane_width_m / 2 - half_width_m, 0.0)
     drift_mps = speed_mps * lane.heading_rad
     bend_mps2 = speed_mps * motion.yaw_rate_radps - lane.curvature_1pm * speed_mps**2
-    left = _first_root(room_m - lane.offset_m, drift_mps, bend_mps2)
-    return min(left, _first_root(room_m + lane.offset_m, -drift_mps, -bend_mps2))
+    left = first_root(room_m - lane.offset_m, drift_mps, bend_mps2)
+    return min(left, first_root(room_m + lane.offset_m, -drift_mps, -bend_mps2))
 
 
-def _first_root(room_m: float, drift_mps: float, bend_mps2: float) -> float:
+def first_root(room_m: float, drift_mps: float, bend_mps2: float) -> float:
     """The least t >= 0 with drift·t + bend·t²/2 = room; BEYOND when there is none."""
     if room_m <= 0.0:
         return 0.0

@@ -90,7 +90,7 @@ class Idle:
         def step(*_: object, **given: Any) -> Any:
             self.decided += 1
             self.lead_sent_s = given["lead_sent_s"]
-            return SimpleNamespace(t_s=None)
+            return SimpleNamespace(t_s=None, line_warning="")
 
         me: Any = SimpleNamespace(
             name="supervisor",

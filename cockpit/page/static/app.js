@@ -6,6 +6,7 @@ import { Panels } from "./panels.js";
 import { Rules } from "./rules.js";
 import { StopButton } from "./stop.js";
 import { KeepButton } from "./keep.js";
+import { LineWarning } from "./warning.js";
 import { tabs } from "./tabs.js";
 
 const WRONG_TOKEN = 4401, WRONG_ORIGIN = 4403, TOO_MANY = 4429, ENDED = 4410;
@@ -35,7 +36,7 @@ async function ask(path, body, patience_ms) {
 }
 
 const camera = new Camera(), path = new Path(), timelines = new Timelines(), panels = new Panels();
-const rules = new Rules(ask), stop = new StopButton(ask), keep = new KeepButton(ask);
+const rules = new Rules(ask), stop = new StopButton(ask), keep = new KeepButton(ask), warning = new LineWarning();
 const glass = []; // from capture to picture on the glass [ms], where the clocks are one
 window.trepid = { glass, messages: 0, firstPicture: null };
 tabs(shown => shown === "rules" && rules.open());
@@ -69,6 +70,7 @@ function lose(text) {
   if (ended) panels.nothing(ended, "ENDED");
   else panels.nothing(text);
   camera.nothing();
+  warning.nothing();
   stop.nothing(Boolean(ended));
 }
 
@@ -104,6 +106,7 @@ function draw(state, picture) {
   panels.show(state);
   stop.show(state);
   keep.show(state);
+  warning.show(state.decision);
   path.add(state.track, state);
   timelines.add(state.series, state.samples, state.now);
   rules.show(state.decision?.inputs);

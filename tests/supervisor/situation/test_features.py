@@ -8,7 +8,7 @@ from supervisor_rig import ESTIMATE, STATE, STATISTICS
 
 from supervisor.rules.inference import FearRules
 from supervisor.rules.proofs import calmest
-from supervisor.situation.features import BEYOND, _first_root
+from supervisor.situation.features import BEYOND, first_root
 from supervisor.situation.world_state import WorldState, WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle
@@ -64,14 +64,14 @@ def test_a_car_that_turns_with_its_lane_never_crosses_and_a_car_that_drives_stra
     ("room", "drift", "bend"), [(1.0, 0.5, 0.0), (1.0, 0.5, 1e-7), (0.6, -0.2, 0.8), (2.0, 1.0, -0.2)]
 )
 def test_the_root_solves_its_equation_and_nothing_before_does(room: float, drift: float, bend: float) -> None:
-    t = _first_root(room, drift, bend)
+    t = first_root(room, drift, bend)
     assert drift * t + bend * t**2 / 2 == pytest.approx(room)
     assert all(drift * s + bend * s**2 / 2 < room for s in (0.0, 0.3 * t, 0.7 * t, 0.99 * t))
 
 
 def test_a_car_that_turns_back_in_time_does_not_cross() -> None:
-    assert _first_root(1.0, 0.5, -0.5) == BEYOND
-    assert _first_root(-0.1, 0.0, 0.0) == 0.0
+    assert first_root(1.0, 0.5, -0.5) == BEYOND
+    assert first_root(-0.1, 0.0, 0.0) == 0.0
 
 
 def test_a_remembered_lane_keeps_its_confidence_and_has_sight_0() -> None:
