@@ -231,7 +231,7 @@ FURTHER = {
         source="config/segments.yaml, docs/segments.md",
         construct_assumed=_segments_assumed,
         is_here=_has_segments,
-        modules=("perception.segments.estimator",),
+        modules=("perception.segments.estimator", "perception.segments.unknown_camera"),
         files=("config/perception.yaml", "config/segments.yaml", "config/networks"),
         version=_segments_version,
     ),

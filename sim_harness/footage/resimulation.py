@@ -32,6 +32,7 @@ from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
 from trepid.car.vehicle import Vehicle
+from trepid.causes import Cause
 from trepid.config import InputError
 from trepid.messages import Command, Frame, Mode, SteeringEstimate, VehicleState
 from trepid.types import Array, Image
@@ -61,6 +62,7 @@ class Resimulation:
     fear: Array
     interventions: int
     engaged_share: float  # of the frames in modes other than STOP
+    causes: tuple[str, ...]  # of fear, by frame
 
     @property
     def duration_s(self) -> float:
@@ -162,6 +164,7 @@ class _Loop:
         self._interventions = 0
         self._rows: list[tuple[float, ...]] = []
         self._engaged: list[bool] = []
+        self._causes: list[str] = []
 
     def run(self) -> Resimulation:
         """Simulate all frames."""
@@ -236,10 +239,11 @@ class _Loop:
         seen_m, fear = math.nan if seen_m is None else seen_m, decision.fear if decision else math.nan
         self._rows.append((now_s, self._state.y_m, self._state.yaw_rad, seen_m, unseen, fear))
         self._engaged.append(decision is not None and decision.mode is not Mode.STOP)
+        self._causes.append(decision.cause if decision else Cause.STARTING)
 
     def _result(self) -> Resimulation:
         t_s, offset_m, heading_rad, seen_m, unseen, fear = np.array(self._rows, float).T
-        engaged_share = float(np.mean(self._engaged))
+        engaged_share, causes = float(np.mean(self._engaged)), tuple(self._causes)
         return Resimulation(
-            t_s, offset_m, heading_rad, seen_m, unseen, fear, self._interventions, engaged_share
+            t_s, offset_m, heading_rad, seen_m, unseen, fear, self._interventions, engaged_share, causes
         )

@@ -9,10 +9,11 @@ from lab.bench.real.baselines import fit_trapezoid
 from lab.bench.real.ego_lane import fixed_lane
 from lab.bench.real.judgement import judgements
 from lab.bench.real.labels import SURFACES
-from lab.bench.real.look import NAMES, Row, answers, look_at_frames
+from lab.bench.real.look import Row, answers, look_at_frames, supervised_estimators
 from lab.bench.real.scores import figures, wrong
 from lab.bench.real.sets import SETS, data_folder
 from lab.bench.real.sheets import evenly, reliability, sheet, worst
+from lab.bench.real.supervision import supervision_figures
 from perception.estimators import estimators as all_estimators
 from perception.estimators import estimators_here, no_estimator
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint, import_closure
@@ -24,6 +25,7 @@ from trepid.loudness import note
 FOLDER = Path("out/bench_real")
 QUICK = 6  # every sixth still or stretch
 ALL = ("all",)
+SUPERVISOR = "supervisor"  # row of the supervised car beside those of its estimators
 Rows = dict[tuple[str, str], list[Row]]
 
 
@@ -35,7 +37,7 @@ def bench_real(
     sets: tuple[str, ...] = (),
     estimators: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Set -> sequence -> estimator -> figures; "left out" in place of the sequences of an absent set.
+    """Set -> sequence -> estimator or supervisor -> figures; "left out" in place of those of an absent set.
 
     Contact sheets, the reliability diagram and small pictures go to ``out``, by default a folder of the user's
     cache: they hold pictures of the sets. ``estimators`` are scored beside those of the supervised car; ALL are all
@@ -44,7 +46,8 @@ def bench_real(
     for name in sets:
         if name not in SETS:
             raise InputError(f"no set {name!r} in bench real; there are {', '.join(SETS)}")
-    others = _further(estimators)
+    supervised = supervised_estimators()
+    others = _further(estimators, supervised)
     out, found, absent = _pictures_folder(out), {}, {}
     with Store(FOLDER / "real.jsonl") as store:
         for set_name in sets or SETS:
@@ -54,23 +57,23 @@ def bench_real(
                 continue
             for name in SETS[set_name]:
                 every = QUICK if quick else 1
-                rows = _rows(set_name, name, folder, store, out, every=every)
+                rows = _rows(set_name, name, folder, store, out, supervised, every=every)
                 for one, found_by in _answers(set_name, name, folder, store, others, every=every).items():
                     for row, answer in zip(rows, found_by, strict=True):
                         row["estimates"][one] = answer
                 found[set_name, name] = rows
-    _draw(found, out)
+    _draw(found, out, supervised)
     note(f"real: contact sheets and reliability diagram in {out}")
-    return _table(found, (*NAMES, *others)) | absent
+    return _table(found, (*supervised, *others)) | absent
 
 
-def _further(names: tuple[str, ...]) -> list[str]:
+def _further(names: tuple[str, ...], supervised: Sequence[str]) -> list[str]:
     """``names`` without those that run anyway. Raises InputError for an unknown one."""
     known = all_estimators()
     for name in names:
         if name not in known and names != ALL:
             raise InputError(no_estimator(name, known))
-    return [name for name in (estimators_here() if names == ALL else names) if name not in NAMES]
+    return [name for name in (estimators_here() if names == ALL else names) if name not in supervised]
 
 
 def _pictures_folder(out: Path | None) -> Path:
@@ -86,14 +89,17 @@ def _pictures_folder(out: Path | None) -> Path:
     return out
 
 
-def _rows(set_name: str, name: str, folder: Path, store: Store, out: Path, *, every: int) -> list[Row]:
+def _rows(
+    set_name: str, name: str, folder: Path, store: Store, out: Path, supervised: Sequence[str], *, every: int
+) -> list[Row]:
     """The rows of a sequence, stored or computed now."""
     case = f"{set_name}, {name}"
-    code, tiles = _code(NAMES, every), _tiles(out, set_name, name)
+    code, tiles = _code(supervised, every), _tiles(out, set_name, name)
     stored = store.get(case, code)
     if stored is None or not tiles.is_dir():
         shutil.rmtree(tiles, ignore_errors=True)
-        stored = {"frames": list(look_at_frames(SETS[set_name][name], folder, every, tiles, says=case))}
+        frames = look_at_frames(SETS[set_name][name], folder, every, tiles, supervised, says=case)
+        stored = {"frames": list(frames)}
         store.add(case, code, stored)
     return list(stored["frames"])
 
@@ -127,26 +133,34 @@ def _table(found: Rows, names: Sequence[str]) -> dict[str, Any]:
     for (set_name, name), rows in found.items():
         labels = SETS[set_name][name].labels
         others = [
-            row for key, other in found.items() if key[0] == set_name and key[1] != name for row in other
+            row
+            for (other_set, other), there in found.items()
+            if other_set == set_name and _drive_of(other) != _drive_of(name)
+            for row in there
         ]
         trapezoid = fit_trapezoid(others) if labels in SURFACES else None
         own = judged.get(set_name, {})
         lane = fixed_lane((row["file"] for row in others), own)
         table.setdefault(set_name, {})[name] = {
             one: figures(rows, one, labels, trapezoid=trapezoid, judged=own, other_lane=lane) for one in names
-        }
+        } | {SUPERVISOR: supervision_figures(rows)}
     return table
 
 
-def _draw(found: Rows, out: Path) -> None:
+def _drive_of(sequence: str) -> str:
+    """The first word of its name: the stills and a clip of one drive share it."""
+    return sequence.partition(" ")[0]
+
+
+def _draw(found: Rows, out: Path, supervised: Sequence[str]) -> None:
     """Sheets of each sequence, and the reliability diagram of all labelled frames."""
-    answers: Mapping[str, list[tuple[float, bool]]] = {name: [] for name in NAMES}
+    answers: Mapping[str, list[tuple[float, bool]]] = {name: [] for name in supervised}
     for (set_name, name), rows in found.items():
         tiles, labels = _tiles(out, set_name, name), SETS[set_name][name].labels
         sheet(rows, evenly(len(rows)), tiles, out / f"{set_name}-{name}-spread.png")
         if labels not in SURFACES:
             continue
-        for one in NAMES:
+        for one in supervised:
             bad = wrong(rows, one).tolist()
             sheet(rows, worst(rows, one, bad), tiles, out / f"{set_name}-{name}-worst-{one}.png")
             looks = [row["estimates"][one] for row in rows]

@@ -101,6 +101,29 @@ def video(path: Path, *, every: int = 1) -> Iterator[Picture]:
         yield Picture(str(path), shot.t_s, shot.image, camera, file=file, assumed=True)
 
 
+def numbered_clip(
+    folder: Path, pattern: str, labels: Path, suffix: str, *, number_hz: float, every: int = 1
+) -> Iterator[Picture]:
+    """Labelled images as one drive with an unknown camera; the number that ends a name counts at ``number_hz``."""
+    paths = sorted(folder.glob(pattern))
+    paths = paths[: len(paths) // every]
+    if not paths:
+        return
+    sample = [read_image(path) for path in paths[:: max(1, len(paths) // CALIBRATION_FRAMES)]]
+    camera = calibrate_by_images(sample, lane_cv_settings().self_calibration)
+    numbers = [int(path.stem.rpartition("_")[2]) for path in paths]
+    for path, number in zip(paths, numbers, strict=True):
+        yield Picture(
+            f"{folder} {pattern}",
+            (number - numbers[0]) / number_hz,
+            read_image(path),
+            camera,
+            label=labels / f"{path.stem}{suffix}",
+            file=path.name,
+            assumed=True,
+        )
+
+
 @dataclass(frozen=True)
 class _LoggedFrame:
     """A frame of a drive, and what its log says."""

@@ -1,4 +1,7 @@
-"""One pass over a sequence: rows and small pictures of the supervised estimators, or rows of other estimators."""
+"""One pass over a sequence: rows and small pictures of the supervised estimators, or rows of other estimators.
+
+The supervised car has the estimators of the default drive, and those for which the user has fetched a network.
+"""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -11,7 +14,7 @@ import numpy as np
 from lab.bench.real import sets
 from lab.bench.real.frames import Picture, estimates
 from lab.bench.real.labels import SURFACES, Labels, Truth, border_error_px, columns, line_counts
-from perception.estimators import ESTIMATORS
+from perception.estimators import ESTIMATORS, FURTHER
 from perception.lane.outline import with_boundaries
 from sim_harness.footage.fear_picture import with_lanes
 from sim_harness.footage.onlooker import FrameJudgement, GivenSpeed, Onlooker
@@ -22,7 +25,6 @@ from trepid.loudness import note
 from trepid.messages import Frame, SteeringEstimate
 from trepid.types import Array, Image, Mask
 
-NAMES = tuple(ESTIMATORS)
 SAY_EVERY_S = 20.0
 GRID_PX = (96, 72)  # of a label in a row: width, height
 LANE_ROWS = (0.95, 0.8, 0.65)  # where the place of a lane is kept, in heights of the image
@@ -30,16 +32,21 @@ TILE_WIDTH_PX = 400
 Row = dict[str, Any]
 
 
+def supervised_estimators() -> tuple[str, ...]:
+    """Those of the default drive, and the further ones whose files are on this machine."""
+    return (*ESTIMATORS, *(name for name, entry in FURTHER.items() if entry.is_here()))
+
+
 def look_at_frames(
-    sequence: sets.Sequence, folder: Path, every: int, tiles: Path, *, says: str
+    sequence: sets.Sequence, folder: Path, every: int, tiles: Path, names: Sequence[str], *, says: str
 ) -> Iterator[Row]:
-    """A row of each frame; the frame with both lanes goes to ``tiles`` as NUMBER.jpg."""
+    """A row of each frame of a car with the estimators ``names``; the frame with lanes goes to ``tiles``."""
     cv2.setNumThreads(1)
     tiles.mkdir(parents=True, exist_ok=True)
     drive = None
     for number, picture in enumerate(_report_progress(sequence.pictures(folder, every), says)):
         if picture.drive != drive:
-            drive, onlooker = picture.drive, _onlooker(picture, sequence)
+            drive, onlooker = picture.drive, _onlooker(picture, sequence, names)
         seen = onlooker.step(Frame(t_s=picture.t_s, image=picture.image))
         cv2.imwrite(str(tiles / f"{number}.jpg"), _tile(picture.image, seen))
         yield _row(picture, seen, sequence.labels)
@@ -69,21 +76,22 @@ def _report_progress(pictures: Iterator[Picture], case: str) -> Iterator[Picture
             note(f"real: {case}, {number} frames")
 
 
-def _onlooker(picture: Picture, sequence: sets.Sequence) -> Onlooker:
+def _onlooker(picture: Picture, sequence: sets.Sequence, names: Sequence[str]) -> Onlooker:
     """A fresh one. The speed is that of the picture's log, of the sequence, or the cruise speed of the settings."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps
     speed_mps = picture.speed_mps or sequence.speed_mps or cruise_mps
     state_of = GivenSpeed(picture.camera, vehicle, lambda _: speed_mps)
     return Onlooker(
-        picture.camera, vehicle, state_of, cruise_speed_mps=speed_mps, names=NAMES, assumed=picture.assumed
+        picture.camera, vehicle, state_of, cruise_speed_mps=speed_mps, names=names, assumed=picture.assumed
     )
 
 
 def _row(picture: Picture, seen: FrameJudgement, labels: Labels) -> Row:
     decision, truth = seen.decision, _truth(picture, labels)
     row: Row = {"file": picture.file, "drive": picture.drive, "t_s": picture.t_s}
-    row |= {"fear": decision.fear, "cause": decision.cause, "steering_rad": picture.steering_rad}
+    row |= {"fear": decision.fear, "cause": decision.cause, "mode": str(decision.mode)}
+    row["steering_rad"] = picture.steering_rad
     if truth is not None:
         row |= {"label": pack_mask(truth[0]), "known": pack_mask(truth[1])}
     row["estimates"] = {

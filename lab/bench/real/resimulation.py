@@ -17,6 +17,8 @@ import numpy as np
 
 from lab.bench.real import sets
 from lab.bench.real.frames import Picture, Stretches, cart_drive, donkey_drive, udacity_drive, video
+from lab.bench.real.look import supervised_estimators
+from lab.bench.real.supervision import cause_shares
 from sim_harness.footage.clip import ClipFrames
 from sim_harness.footage.reprojection import PoseChange
 from sim_harness.footage.resimulation import Resimulation, resimulate
@@ -32,6 +34,7 @@ PAUSE_S = 0.5  # a longer time between two frames ends a stretch
 LEAST_S = 6.0  # of a stretch
 STARTS = (PoseChange(), PoseChange(left_m=0.5), PoseChange(left_m=-0.5))
 FOOTAGE: dict[str, Callable[[Path], Iterator[Picture]]] = {
+    "camvid_road": sets.camvid_clip,
     "highway_udacity_p1": lambda folder: video(folder / "solidWhiteRight.mp4"),
     "running_track_cart": lambda folder: cart_drive(folder, parts=PARTS),
     "donkey_sim_carpet": lambda folder: donkey_drive(folder, parts=PARTS),
@@ -121,10 +124,14 @@ def _yaw_rates(stretch: Stretch) -> tuple[Array, Array]:
 
 
 def _runs(stretch: Stretch, vehicle: Vehicle) -> list[Resimulation]:
-    return [resimulate(stretch.drive, vehicle, start=start, assumed=stretch.assumed) for start in STARTS]
+    names = supervised_estimators()
+    return [
+        resimulate(stretch.drive, vehicle, start=start, estimators=names, assumed=stretch.assumed)
+        for start in STARTS
+    ]
 
 
-def scores(stretches: Sequence[Stretch], runs: Sequence[Resimulation]) -> dict[str, float | None]:
+def scores(stretches: Sequence[Stretch], runs: Sequence[Resimulation]) -> dict[str, float | str | None]:
     """Means over the runs, the autonomy over those in which the car was engaged; the path is the recorded one."""
     rows = [run.row() for run in runs]
 
@@ -142,5 +149,6 @@ def scores(stretches: Sequence[Stretch], runs: Sequence[Resimulation]) -> dict[s
         "autonomy_where_engaged_percent": mean("autonomy_percent"),
         "rms_from_path_m": mean("rms_offset_m"),
         "mean_fear": mean("mean_fear"),
+        "fear_causes": cause_shares([cause for run in runs for cause in run.causes]),
         "lane_seen_percent": mean("lane_seen_percent"),
     }

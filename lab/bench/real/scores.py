@@ -3,7 +3,7 @@
 As in the protocols of the sets: a lane is wrong where less than 80 % of its area is road (or ego lane), and an
 answer is confident above 0.5. Shares refer to all frames; ``iou`` counts a frame without an answer as 0,
 ``iou_answered`` leaves it out. AUROC: the probability that a wrong answer has less confidence (or more fear) than a
-right one.
+right one. Those named ``ego_`` refer to frames judged by eye, where the lane of the car is right.
 """
 
 from collections.abc import Sequence
@@ -52,7 +52,11 @@ EMPTY: Figures = dict.fromkeys(
         "judged",
         "ego_lane_right",
         "ego_lane_right_of_confident",
+        "ego_wrong_and_confident",
+        "ego_auroc_confidence",
+        "ego_auroc_fear",
         "drawn_lanes",
+        "drawn_right_and_confident",
         "ego_iou",
         "baseline_ego_iou",
     ]
@@ -167,10 +171,18 @@ def _judge_rows(rows: Sequence[Row], name: str, sure: Mask, judged: Judgements) 
     found = verdicts(rows, name, judged)
     known = np.array([verdict is not None for verdict in found], bool)
     right = np.array([bool(verdict) for verdict in found], bool)
+    drawn = np.array([row["file"] in ego_lane.lanes_of_files([row["file"]], judged) for row in rows], bool)
+    confidence = np.array([row["estimates"][name]["confidence"] for row in rows], float)
+    fear, wrong_ones = np.array([row["fear"] for row in rows], float), known & ~right
+    mixed = bool(wrong_ones.any() and (known & right).any())
     return {
         "judged": int(known.sum()),
         "ego_lane_right": _mean(right[known]),
         "ego_lane_right_of_confident": _mean(right[known & sure]),
+        "ego_wrong_and_confident": _mean((wrong_ones & sure)[known]),
+        "ego_auroc_confidence": auroc(-confidence[known], wrong_ones[known]) if mixed else None,
+        "ego_auroc_fear": auroc(fear[known], wrong_ones[known]) if mixed else None,
+        "drawn_right_and_confident": _mean((right & sure)[drawn]),
     }
 
 

@@ -9,6 +9,7 @@ from lab.bench.real.frames import (
     Picture,
     cart_drive,
     donkey_drive,
+    numbered_clip,
     still,
     stills,
     udacity_drive,
@@ -19,6 +20,7 @@ from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 
 HIGHWAY_MPS = 25.0
+CAMVID_HZ = 30.0  # by which CamVid numbers its frames
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,12 @@ def _camvid(name: str) -> Sequence:
             yield from stills(folder / split, f"{name}_*.jpg", labels, ".png", every=every)
 
     return Sequence(pictures, Labels.ROAD)
+
+
+def camvid_clip(folder: Path, every: int = 1) -> Iterator[Picture]:
+    """Seven seconds of a street by day: the part that is labelled at 15 frames/s."""
+    labels = folder / "val_road"
+    return numbered_clip(folder / "val", "0016E5_*.jpg", labels, ".png", number_hz=CAMVID_HZ, every=every)
 
 
 def _tusimple(folder: Path, every: int) -> Iterator[Picture]:
@@ -75,7 +83,10 @@ def _drive(pictures: Callable[..., Iterator[Picture]]) -> Sequence:
 
 
 SETS: dict[str, dict[str, Sequence]] = {
-    "camvid_road": {name: _camvid(name) for name in ("0006R0", "0016E5", "0001TP")},
+    "camvid_road": {
+        **{name: _camvid(name) for name in ("0006R0", "0016E5", "0001TP")},
+        "0016E5 at 15 Hz": Sequence(camvid_clip, Labels.ROAD),
+    },
     "tusimple_lanenet": {"highway": Sequence(_tusimple, Labels.LINES, HIGHWAY_MPS)},
     "kitti_road_tiny": {"um": Sequence(_kitti, Labels.LANE)},
     "highway_udacity_p1": {

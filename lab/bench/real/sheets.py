@@ -8,14 +8,12 @@ import cv2
 import numpy as np
 
 from cockpit.footage.annotate import label
-from lab.bench.real.look import NAMES
-from trepid.images.figure_style import BLUE, ORANGE, bare, new_figure, save
+from trepid.images.figure_style import bare, estimator_colours, new_figure, save
 from trepid.images.files import write_image
 
 Row = dict[str, Any]
 PER_SHEET, ACROSS = 12, 3
 BINS = np.linspace(0.0, 1.0, 11)
-COLOURS = dict(zip(NAMES, (BLUE, ORANGE), strict=True))
 
 
 def evenly(count: int, wanted: int = PER_SHEET) -> list[int]:
@@ -48,8 +46,7 @@ def sheet(rows: Sequence[Row], indices: Sequence[int], tiles: Path, out: Path) -
 
 def _words(row: Row) -> str:
     parts = []
-    for name in NAMES:
-        answer = row["estimates"][name]
+    for name, answer in row["estimates"].items():
         inside = f" in {answer['inside']:.2f}" if "inside" in answer else ""
         parts.append(f"{name} {answer['confidence']:.2f}{inside}" if answer["answered"] else f"{name} -")
     return f"{'  '.join(parts)}  fear {row['fear']:.2f}"
@@ -60,6 +57,7 @@ def reliability(answers: Mapping[str, Sequence[tuple[float, bool]]], out: Path) 
     figure = new_figure(5.0, 3.6, layout="constrained")
     panel = figure.subplots()
     panel.plot([0, 1], [0, 1], color="0.7", linewidth=1)
+    colours = estimator_colours(list(answers))
     for name, pairs in answers.items():
         if not pairs:
             continue
@@ -67,7 +65,7 @@ def reliability(answers: Mapping[str, Sequence[tuple[float, bool]]], out: Path) 
         bins = np.clip(np.digitize(confidence, BINS) - 1, 0, len(BINS) - 2)
         inside = [bins == index for index in range(len(BINS) - 1) if (bins == index).any()]
         points = [(float(confidence[these].mean()), float(right[these].mean())) for these in inside]
-        panel.plot(*zip(*points, strict=True), "o-", color=COLOURS[name], label=name)
+        panel.plot(*zip(*points, strict=True), "o-", color=colours[name], label=name)
         for point, these in zip(points, inside, strict=True):
             panel.annotate(str(these.sum()), point, fontsize=7, xytext=(3, -9), textcoords="offset points")
     panel.set_xlabel("confidence")

@@ -219,7 +219,7 @@ def test_two_estimators_confirm_each_other_and_a_single_one_is_never_calm():
 
 def test_a_car_that_was_never_engaged_has_no_autonomy():
     still = np.zeros(3)
-    run = Resimulation(np.arange(3.0), still, still, still, still, np.full(3, 0.5), 0, 0.0)
+    run = Resimulation(np.arange(3.0), still, still, still, still, np.full(3, 0.5), 0, 0.0, ())
     row = run.row()
     assert (row["autonomy_percent"], row["engaged_percent"], row["mean_fear"]) == (None, 0.0, 0.5)
     line = _one_line({"clip": "clip", "return_s": None, **row})

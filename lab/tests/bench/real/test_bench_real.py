@@ -17,6 +17,7 @@ from lab.bench.real.look import GRID_PX
 from lab.bench.real.scores import figures
 from lab.bench.real.sets import SETS, Sequence, data_folder
 from lab.bench.real.sheets import evenly, worst
+from lab.bench.real.supervision import supervision_figures
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from trepid.car.camera import Camera
@@ -59,6 +60,35 @@ def test_auroc_is_one_where_confidence_and_fear_tell_wrong_answers_from_right_on
     rows = [row(answer(0.9), fear=0.1), row(answer(0.8), fear=0.2), row(answer(0.3, inside=0.2), fear=0.7)]
     found = figures(rows, "cv", Labels.ROAD, trapezoid=None, judged={})
     assert (found["auroc_confidence"], found["auroc_fear"]) == (1.0, 1.0)
+
+
+def test_right_and_confident_is_a_share_of_the_drawn_lanes_and_wrong_and_confident_of_the_judged_answers():
+    true, aside = np.array(LANE), (np.array(LANE) + 0.3).tolist()
+    rows = [
+        row(answer(0.9), fear=0.1),
+        row(answer(0.4), fear=0.2),
+        row(answer(0.7, lane=aside), fear=0.9),
+        row(answer(0.0, answered=False), fear=0.9),
+        row(answer(0.9), file="junction.png"),
+    ]
+    found = figures(rows, "cv", Labels.NONE, trapezoid=None, judged={"a.png": [JudgedLane("lane", true)]})
+    assert (found["drawn_right_and_confident"], found["judged"]) == (0.25, 3)
+    assert found["ego_wrong_and_confident"] == pytest.approx(1 / 3)
+    assert (found["ego_auroc_confidence"], found["ego_auroc_fear"]) == (0.5, 1.0)
+
+
+def test_the_car_is_engaged_in_modes_other_than_stop_after_the_driver_has_let_go():
+    modes = ["STOP"] * 23 + ["KEEP"] * 6 + ["STOP"] * 2
+    drive = [
+        row(answer(0.9), t_s=0.1 * n, mode=mode, cause="glare" if n < 8 else "none", fear=0.5 * (n < 8))
+        for n, mode in enumerate(modes)
+    ]
+    still = row(answer(0.9), drive="still", mode="STOP", cause="starting", fear=1.0)
+    found = supervision_figures([*drive, still])
+    assert found["engaged"] == pytest.approx(6 / 9), "of the frames from 2.2 s on"
+    assert found["mean_fear"] == pytest.approx((8 * 0.5 + 1.0) / 32)
+    assert found["fear_causes"] == "glare 0.25, starting 0.03"
+    assert supervision_figures([still])["engaged"] is None
 
 
 def test_lines_are_shares_of_all_labelled_points_and_lines():
@@ -202,12 +232,14 @@ def made_up(tmp_path, monkeypatch) -> list[int]:
     sequence = Sequence(pictures, Labels.ROAD)
     monkeypatch.setattr(module, "SETS", {"set": {"a": sequence, "b": sequence}, "absent": {}})
     monkeypatch.setattr(module, "FOLDER", tmp_path / "store")
+    monkeypatch.setattr(module, "supervised_estimators", lambda: ("cv", "cnn"))
     return passes
 
 
 def test_every_sequence_gets_the_figures_of_both_estimators_once_for_the_same_code(made_up, tmp_path):
     first = bench_real(data=tmp_path, out=tmp_path / "out")
-    assert set(first["set"]["a"]) == {"cv", "cnn"}
+    assert set(first["set"]["a"]) == {"cv", "cnn", "supervisor"}
+    assert 0 <= first["set"]["a"]["supervisor"]["mean_fear"] <= 1
     assert first["set"]["a"]["cv"]["frames"] == 1
     assert first["set"]["a"]["cv"]["inside_road"] > 0.8
     assert first["set"]["a"]["cv"]["baseline_iou"] > 0.5
@@ -221,7 +253,7 @@ def test_every_sequence_gets_the_figures_of_both_estimators_once_for_the_same_co
 def test_techniques_are_scored_beside_the_estimators_of_the_car_once_for_the_same_code(made_up, tmp_path):
     both = ("canny_hough", "cv")
     first = bench_real(data=tmp_path, out=tmp_path / "out", estimators=both)
-    assert set(first["set"]["b"]) == {"cv", "cnn", "canny_hough"}
+    assert set(first["set"]["b"]) == {"cv", "cnn", "canny_hough", "supervisor"}
     assert first["set"]["b"]["canny_hough"]["frames"] == 1
     assert first["set"]["b"]["cv"] == bench_real(data=tmp_path, out=tmp_path / "out")["set"]["b"]["cv"]
     assert bench_real(data=tmp_path, out=tmp_path / "out", estimators=both) == first
