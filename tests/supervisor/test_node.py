@@ -14,7 +14,7 @@ from supervisor.rules.reload import RuleChange
 from supervisor.supervisor import build
 from trepid.clock import UNSTAMPED, Stamp
 from trepid.config import CONFIG_DIR
-from trepid.messages import Losses
+from trepid.messages import Health, Losses
 from trepid.topics import (
     DECISION,
     IMAGE_STATISTICS,
@@ -80,6 +80,7 @@ class Idle:
 
     def __init__(self, *, late_at_s: float = math.inf) -> None:
         self.now_s, self.decided, self.lead_sent_s = 0.0, 0, math.nan
+        self.line_warning, self.beats = "", list[tuple[Health, str]]()
         self.inputs: dict[str, Any] = {}
 
         def latest(topic: Any, wakes: bool = True) -> Any:
@@ -90,7 +91,7 @@ class Idle:
         def step(*_: object, **given: Any) -> Any:
             self.decided += 1
             self.lead_sent_s = given["lead_sent_s"]
-            return SimpleNamespace(t_s=None, line_warning="")
+            return SimpleNamespace(t_s=None, line_warning=self.line_warning)
 
         me: Any = SimpleNamespace(
             name="supervisor",
@@ -98,7 +99,7 @@ class Idle:
             options={"estimators": ["cv"]},
             now_s=lambda: self.now_s,
             ready=lambda *, values: None,
-            count_step=lambda health, message: None,
+            count_step=lambda health, message: self.beats.append((health, message)),
         )
         supervisor: Any = SimpleNamespace(step=step, late_at_s=late_at_s)
         self.node = SupervisorNode(me, supervisor, SimpleNamespace(take=lambda: None))  # type: ignore[arg-type]
@@ -131,6 +132,14 @@ def test_it_decides_at_once_on_a_report_of_a_lost_process() -> None:
     assert idle.turn_at(0.01) == 0
     idle.inputs[LOSSES.key].take = lambda: Losses(t_s=0.01, stop=("camera",), slow=())
     assert idle.turn_at(0.011) == 1
+
+
+def test_the_heartbeat_says_the_warning_before_a_line_which_is_no_fault_of_the_process() -> None:
+    idle = Idle()
+    for t_s, idle.line_warning in ((0.051, ""), (0.102, "left"), (0.153, "")):
+        idle.turn_at(t_s)
+    words = "a wheel is about to cross the left edge of the lane"
+    assert idle.beats == [(Health.OK, ""), (Health.OK, words), (Health.OK, "")]
 
 
 @pytest.mark.parametrize(

@@ -182,3 +182,10 @@ def test_the_answer_says_how_far_the_camera_sees_and_what_ends_its_sight(tmp_pat
     found = story(drive, 0.9)
     assert found["sight"]["sight_cause"] == "fog" and 35 < found["sight"]["sight_m"] < 60
     assert f"The camera sees {found['sight']['sight_m']:.0f} m: fog." in story_text(found)
+
+
+def test_the_answer_says_that_the_driver_was_warned_of_a_line(calm: Recall) -> None:
+    found = story(calm, 0.8)
+    assert (found["line_warning"], "warned" in story_text(found)) == ("", False)
+    text = story_text(found | {"line_warning": "left", "line_crossing_s": 0.61})
+    assert "The driver was warned: a wheel is about to cross the left edge of the lane, in 0.6 s." in text

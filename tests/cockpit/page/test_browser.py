@@ -224,6 +224,27 @@ def test_the_picture_is_the_published_one_with_lines_on_it(viewer):
     assert until(lambda: "vehicle ahead at 23 metres" in viewer.js(label), patience_s=PATIENCE_S)
 
 
+def test_a_warning_before_a_line_stands_at_its_side_of_the_picture_and_sounds_after_a_press(viewer):
+    words = "a wheel is about to cross the left edge of the lane"
+    bar = "return getComputedStyle(document.getElementById('picture'), '::before').display"
+    viewer.js("""window.tones = 0;
+                 const start = OscillatorNode.prototype.start;
+                 OscillatorNode.prototype.start = function (...at) {
+                   window.tones += 1;
+                   return start.apply(this, at);
+                 };""")
+    viewer.scene.decision |= {"line_warning": "left"}
+    assert viewer.becomes("line", words) and viewer.js(bar) == "block"
+    assert viewer.js("return window.tones") == 0, "no sound before a press"
+    viewer.click("sound")
+    assert viewer.becomes("sound-state", "on")
+    assert until(lambda: viewer.js("return window.tones") >= 2, patience_s=PATIENCE_S)
+    viewer.scene.decision |= {"line_warning": ""}
+    assert viewer.becomes("line", "") and viewer.js(bar) == "none"
+    viewer.click("sound")
+    assert viewer.becomes("sound-state", "off")
+
+
 def test_a_value_that_is_absent_is_a_dash_and_silence_is_no_data(viewer):
     viewer.scene.speed_mps = None
     assert viewer.becomes("speed", "–")
