@@ -6,6 +6,16 @@ TESTED := $(VENV)/.ready-test
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 BIN := $(VENV)/bin
 LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter/test_parts.py tests/controller/limiter/test_limiter.py
+# Files of other tools in every dialect and with every damage, by what they hold.
+INPUT_TESTS := tests/test_encodings.py tests/trepid/files/test_decoding.py tests/trepid/recording/test_csv_file.py \
+	tests/sim_harness/world/opendrive lab/tests/bench/foreign \
+	tests/trepid/recording/test_reader.py tests/trepid/recording/test_chunks.py tests/vehicle/cameras/test_files.py \
+	tests/trepid/images \
+	tests/perception/net/test_session.py tests/perception/lead/test_boxes.py tests/perception/lead/test_picture.py \
+	tests/learning/dataset/test_sources.py tests/learning/dataset/test_build_cli.py tests/learning/dataset/test_export.py \
+	tests/vehicle/actuators/can/test_dbc.py tests/vehicle/actuators/can/test_invalid_values.py \
+	tests/vehicle/actuators/can/test_multiplexed.py tests/cockpit/calibration/test_camera_info.py \
+	tests/cockpit/rulebook/test_fcl.py tests/trepid/processes/test_endpoint.py
 # By file name: importing all test files would take longer than these tests.
 PROCESS_TESTS := $(shell grep -rl mark.processes tests lab/tests --include=test_*.py)
 SMOKE_TESTS := $(shell grep -rl mark.smoke tests lab/tests --include=test_*.py)
@@ -29,11 +39,12 @@ export LINK_COPIES
 # Keep byte code, also where the environment says otherwise: the tests start Python hundreds of times.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup drive test long live suite wheel docs lock release proof mutation lint train acados clean
+.PHONY: help setup drive test inputs long live suite wheel docs lock release proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
 	@echo "make test    set up and run the tests"
+	@echo "make inputs  files of other tools: text, roads, recordings, videos, networks, tubs, DBC, cameras, rules; part of make test"
 	@echo "make long    trainings, several drives in a test, the page in a browser: tests that make test omits"
 	@echo "make live    every process of a live drive killed, frozen or left alone: the tests of this kind that make test omits"
 	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
@@ -78,6 +89,9 @@ else
 	@$(BIN)/python -m pytest -n 3 --dist worksteal -m "not processes and not long and not proof and not suite and not wheel"
 	@$(BIN)/python -m pytest -m "processes and smoke" $(SMOKE_TESTS)
 endif
+
+inputs: $(TESTED)
+	@$(BIN)/python -m pytest -q $(INPUT_TESTS)
 
 long: $(TESTED)
 	@echo "== pytest -m long"

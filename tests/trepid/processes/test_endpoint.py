@@ -1,5 +1,6 @@
 """The endpoint of a drive is one at which it can listen, or the line that says why not."""
 
+import os
 import shutil
 import socket
 import subprocess
@@ -11,7 +12,7 @@ import pytest
 
 from trepid.bus import open_bus
 from trepid.config import CAR, InputError
-from trepid.processes.endpoint import usable_endpoint
+from trepid.processes.endpoint import reserve_port, usable_endpoint
 from trepid.security import on_loopback
 
 
@@ -52,7 +53,7 @@ def test_a_port_in_use_and_an_address_beyond_this_machine_are_refused_with_their
         usable_endpoint()
 
 
-ENDPOINT = "from trepid.processes.endpoint import usable_endpoint; print(usable_endpoint())"
+ENDPOINT = "from trepid.processes.endpoint import reserve_port, usable_endpoint; print(usable_endpoint())"
 
 
 def test_where_the_loopback_interface_is_down_the_line_says_so_at_once() -> None:
@@ -83,6 +84,17 @@ def test_a_port_that_another_process_has_taken_but_does_not_use_yet_is_refused(s
             usable_endpoint()
         other.communicate("\n")
     assert usable_endpoint() == f"tcp/127.0.0.1:{port}"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can be another user")
+def test_a_port_that_another_user_has_taken_but_does_not_use_yet_is_refused() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port = probe.getsockname()[1]
+    assert reserve_port("127.0.0.1", port) == port
+    code = f"reserve_port('127.0.0.1', {port})"
+    nobody = f"import os\nfrom trepid.processes.endpoint import reserve_port\nos.setuid(65534)\n{code}"
+    said = subprocess.run([sys.executable, "-c", nobody], capture_output=True, text=True, check=False).stderr
+    assert said.endswith("Address already in use\n")
 
 
 def test_shared_memory_that_is_missing_full_or_read_only_is_refused_at_once(
