@@ -23,7 +23,7 @@ from sim_harness.world.opendrive.sections import (
     cross_section,
     flip_marking,
 )
-from sim_harness.world.roads.appearance import Marking, Section, Stroke
+from sim_harness.world.roads.appearance import Marking, Paint, Section, Stroke
 from sim_harness.world.roads.road import Road, RoadSettings
 from trepid.config import InputError
 
@@ -126,7 +126,8 @@ def _road_mark(marking: Marking) -> xodr.RoadMark:
     kind = xodr.RoadMarkType["_".join(parts)]
     if marking.stroke == Stroke.NONE:
         return xodr.RoadMark(kind)
-    colour = xodr.RoadMarkColor[marking.paint.value]
+    black = marking.paint is Paint.BLACK  # which the standard does not name
+    colour = xodr.RoadMarkColor["standard" if black else marking.paint.value]
     apart_m = (marking.width_m + marking.spacing_m) / 2 if len(parts) == 2 else 0.0
     total_m = 2 * apart_m + marking.width_m
     mark = xodr.RoadMark(kind, width=total_m, color=colour)

@@ -21,6 +21,7 @@ STROKES = {name: stroke for stroke, name in STROKE_NAMES.items()} | {
     "custom": Stroke.SOLID,
     **dict.fromkeys(("curb", "grass", "edge"), Stroke.NONE),
 }
+PAINTS = {"yellow": Paint.YELLOW, "orange": Paint.YELLOW, "blue": Paint.BLUE}
 MAX_DASH_M = 100.0
 TEMPORARY = "temporary"  # layer of the lanes of roadworks, beside those of the road itself (version 1.9)
 ROUNDING_M = 1e-3  # of stations and widths in files written with few digits
@@ -221,7 +222,7 @@ def _marking(mark: Element, *, outwards_is_left: bool) -> Marking:
     colour = mark.attributes.get("color", "standard")
     width_m = lines[0].number("width", 0.0) if lines else mark.number("width", 0.0)
     values: dict[str, object] = {"stroke": stroke}
-    values["paint"] = Paint.YELLOW if colour in ("yellow", "orange") else Paint.WHITE
+    values["paint"] = PAINTS.get(colour, Paint.WHITE)
     if 0.0 < width_m <= 0.5:
         values["width_m"] = width_m
     dashes = [line for line in lines if line.number("space") > 0.0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pydantic import ValidationError
 
 from sim_harness.world.opendrive.located_xml import Element
-from sim_harness.world.roads.appearance import Marking, NeighbourLane, Section, Stroke
+from sim_harness.world.roads.appearance import Marking, NeighbourLane, Paint, Section, Stroke
 from trepid.config import InputError
 
 USER_DATA = "trepid"  # code of the <userData> that the export writes
@@ -147,7 +147,8 @@ def plain(marking: Marking) -> Marking:
         kept |= {"dash_m", "gap_m"}
     if marking.stroke not in (Stroke.SOLID, Stroke.DASHED):
         kept.add("spacing_m")
-    return Marking.model_validate(marking.model_dump(include=kept))
+    paint = Paint.WHITE if marking.paint is Paint.BLACK else marking.paint
+    return Marking.model_validate(marking.model_dump(include=kept) | {"paint": paint})
 
 
 def flip_marking(marking: Marking) -> Marking:

@@ -12,6 +12,8 @@ from trepid.types import NonNegative, Positive, Share
 class Paint(StrEnum):
     WHITE = "white"
     YELLOW = "yellow"
+    BLUE = "blue"  # tape
+    BLACK = "black"
 
 
 class Stroke(StrEnum):
@@ -30,6 +32,7 @@ class Surface(StrEnum):
     ASPHALT = "asphalt"
     CONCRETE = "concrete"
     GRAVEL = "gravel"
+    FLOOR = "floor"  # that of the verge: lines of tape on the floor of a room
 
 
 class Verge(StrEnum):
@@ -42,10 +45,14 @@ class Verge(StrEnum):
     GRAVEL = "gravel"
     PAVEMENT = "pavement"  # slabs of a footway
     WATER = "water"  # below a bridge
+    WOOD = "wood"  # floors of rooms: planks, ...
+    MAT = "mat"  # ... dark rubber, ...
+    LIGHT_FLOOR = "light_floor"  # ... pale tiles, ...
+    CARPET = "carpet"  # ... grey loops
 
 
 Width = Annotated[float, Field(ge=0, le=20)]
-LaneWidth = Annotated[float, Field(ge=0.3, le=15.0)]  # below PUBLIC_LANE_M: the road of a model car
+LaneWidth = Annotated[float, Field(ge=0.1, le=15.0)]  # below PUBLIC_LANE_M: the road of a model car
 Stretch = tuple[NonNegative, NonNegative]  # from, to [m]: stations along the road
 
 
@@ -118,6 +125,7 @@ class Section(Settings):
     shadows: Share = 0.0  # tree shadows across the road: 0 none, 1 dense
     building_shadows: Share = 0.0  # of houses on the right: 0 none, 1 across the whole road
     bridge_shadows: Share = 0.0  # bands across the road, one about every 50 m: 0 none, 1 wide and dark
+    window_light: Share = 0.0  # patches of sun through windows on the ground: 0 none, 1 as light as paint
     light: Light = Light()
 
     @model_validator(mode="after")

@@ -5,8 +5,8 @@ run along the line, offsets are positive to the left. A closed road repeats with
 straight beyond both ends.
 
 On a clothoid the heading is θ(s) = θ₀ + κ₀ s + κ' s²/2 and the position is the integral of (cos θ, sin θ), taken
-here by three-point Gauss-Legendre quadrature over intervals of at most half a metre. For radii above 5 m that is
-exact to 1e-9 m per kilometre.
+here by three-point Gauss-Legendre quadrature over intervals of at most half a metre and half a radian. For radii
+above 5 m that is exact to 1e-9 m per kilometre.
 """
 
 import math
@@ -39,7 +39,9 @@ MIN_SLOPE = 0.2
 CLOSED_WITHIN_M, CLOSED_WITHIN_RAD = 1e-3, 1e-4
 
 SAME_WIDTH_M = 1e-9
-Curvature = Annotated[float, Field(ge=-1, le=1)]  # 1/m; no car turns within R = 1 m
+Curvature = Annotated[float, Field(ge=-10, le=10)]  # 1/m
+TIGHTEST_1PM = 1.0  # times the scale of the lanes: no car turns within R = 1 m
+KNOT_TURN_RAD = 0.5  # most between two knots
 
 
 class Segment(Settings):
@@ -93,6 +95,18 @@ class RoadSettings(Settings):
                     ("segments", number),
                     f"curvature jumps from {here.end_curvature_1pm} to {there.start_curvature_1pm} 1/m"
                     f" after segments.{number}; put a clothoid between them",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_driven(self) -> Self:
+        most_1pm = TIGHTEST_1PM / self.scale
+        for number, segment in enumerate(self.segments):
+            tightest_1pm = max(abs(segment.start_curvature_1pm), abs(segment.end_curvature_1pm))
+            if tightest_1pm > most_1pm:
+                raise wrong_at(
+                    ("segments", number, "curvature_1pm"),
+                    f"{tightest_1pm:g} 1/m is tighter than {most_1pm:g} 1/m, the tightest bend of its lanes",
                 )
         return self
 
@@ -437,7 +451,8 @@ def _table(segments: tuple[Segment, ...], *, closed: bool) -> Array:
     starts = np.cumsum([0.0] + [segment.length_m for segment in segments])
     rows = []
     for segment, start in zip(segments, starts, strict=False):
-        count = math.ceil(segment.length_m / KNOT_STEP_M)
+        tightest_1pm = max(abs(segment.start_curvature_1pm), abs(segment.end_curvature_1pm))
+        count = math.ceil(segment.length_m * max(1 / KNOT_STEP_M, tightest_1pm / KNOT_TURN_RAD))
         step = segment.length_m / count
         rate = (segment.end_curvature_1pm - segment.start_curvature_1pm) / segment.length_m
         rows += [

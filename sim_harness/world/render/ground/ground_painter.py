@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_harness.world.render.ground.floors import FLOORS, floor_of
 from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.ground.road_strip import RoadStrip
 from sim_harness.world.render.ground.side_roads import arms_of, lay_arm
@@ -31,8 +32,12 @@ VERGE_BGR = {
     Verge.GRAVEL: (132, 146, 156),
     Verge.PAVEMENT: (146, 152, 156),
     Verge.WATER: (112, 100, 84),
+    Verge.WOOD: (84, 124, 162),
+    Verge.MAT: (52, 50, 50),
+    Verge.LIGHT_FLOOR: (176, 184, 188),
+    Verge.CARPET: (98, 92, 90),
 }
-GREY = {Verge.PAVEMENT, Verge.WATER}  # verges of constant hue
+GREY = {Verge.PAVEMENT, Verge.WATER, *FLOORS}  # verges of constant hue
 
 
 class GroundPainter:
@@ -49,6 +54,7 @@ class GroundPainter:
         self._verge_bgr = np.array(
             [np.array(VERGE_BGR[verge]) * tint for verge, tint in zip(verges, tints, strict=True)]
         )
+        self._floor = floor_of(road, seed=seed)
         self._verge = _verge_levels(rng)
         self._phase = rng.uniform(0, math.tau, 4)
 
@@ -61,6 +67,9 @@ class GroundPainter:
         tile = self._verge_tile(level, grain, points, station)
         run_m = (np.arange(TILE_PX, dtype=np.float64) + 0.5) * LEVELS_M[level]
         tile_m = TILE_PX * LEVELS_M[level]
+        if self._floor is not None:
+            tone = self._floor.tone(column * tile_m + run_m, row * tile_m + run_m, LEVELS_M[level])
+            tile = np.asarray(np.clip(tile * tone[:, :, None], 0, 255), np.uint8)
         for arm in self._arms:
             lay_arm(tile, arm, column * tile_m + run_m, row * tile_m + run_m, grain)
         tile = np.asarray(cv2.cvtColor(tile, cv2.COLOR_BGR2BGRA), np.uint8)
@@ -75,6 +84,9 @@ class GroundPainter:
             columns[distance > max(left_m, -right_m)] = OUTSIDE
             for first, count in self._runs(self.strip.block_at(station[near])):
                 self._lay(tile[pixels], level, first, count, station, near, columns)
+        if self._floor is not None and self._floor.window_light:
+            light = self._floor.light(column * tile_m + run_m, row * tile_m + run_m)
+            tile[:, :, :3] = np.clip(tile[:, :, :3] * (1 + light[:, :, None]), 0, 250)
         return tile
 
     def _coordinates(self, level: int, points: Array) -> tuple[Array, ...]:

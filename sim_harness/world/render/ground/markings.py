@@ -15,13 +15,18 @@ from sim_harness.world.render.ground.strip_grid import (
     distance_along,
     paint_left,
 )
-from sim_harness.world.roads.appearance import Marking, Paint, Section, Stroke
+from sim_harness.world.roads.appearance import Marking, Paint, Section, Stroke, Surface
 from sim_harness.world.roads.features import JunctionKind, Side
 from sim_harness.world.roads.lanes import edge_m
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Floats, Image
 
-PAINT_BGR = {Paint.WHITE: (218, 222, 224), Paint.YELLOW: (62, 178, 226)}
+PAINT_BGR = {
+    Paint.WHITE: (218, 222, 224),
+    Paint.YELLOW: (62, 178, 226),
+    Paint.BLUE: (168, 96, 34),
+    Paint.BLACK: (38, 36, 36),
+}
 PAIRS = {
     Stroke.DOUBLE_SOLID: (Stroke.SOLID, Stroke.SOLID),
     Stroke.DOUBLE_DASHED: (Stroke.DASHED, Stroke.DASHED),
@@ -29,6 +34,7 @@ PAIRS = {
     Stroke.DASHED_SOLID: (Stroke.DASHED, Stroke.SOLID),
 }
 CUT_EVERY_M = 1.6  # piece of the line with at most one cut
+BESIDE_PX = 16  # columns of a pixel of the coarsest level
 CRACKS_PER_M = 1.5  # at damage 1
 
 
@@ -86,7 +92,20 @@ class LinePainter:
         cover = (across * along[:, None] * wear)[:, :, None].astype(np.float32)
         if marking.damage:
             cover *= self._intact(here, columns, centre, marking, number)[:, :, None]
-        colour[:, columns, :3] = paint_over(colour[:, columns, :3], cover, marking.paint, fine)
+        if here.section.surface == Surface.FLOOR:
+            self._lay_tape(colour, columns, cover[:, :, 0], marking.paint)
+        else:
+            colour[:, columns, :3] = paint_over(colour[:, columns, :3], cover, marking.paint, fine)
+
+    @staticmethod
+    def _lay_tape(colour: Image, columns: slice, cover: Floats, paint: Paint) -> None:
+        """Tape covers the floor, which is painted elsewhere: its colour beyond its edges, where the mask is 0, too.
+
+        Coarser levels are averages, which would else mix it with the ground below the strip.
+        """
+        beside = slice(max(columns.start - BESIDE_PX, 0), columns.stop + BESIDE_PX)
+        colour[:, beside, :3] = PAINT_BGR[paint]
+        colour[:, columns, 3] = np.maximum(colour[:, columns, 3], np.asarray(255 * cover, np.uint8))
 
     def _uninterrupted_share(self, line: Line, station: Array) -> Array | None:
         """Share of each row outside all gaps and junctions; None without any."""

@@ -17,6 +17,7 @@ from sim_harness.world.render.ground.road_marks import MarkPainter
 from sim_harness.world.render.ground.shadows import Shadows
 from sim_harness.world.render.ground.strip_grid import LEVELS_M, ROWS, Textures, grid_of, stretches
 from sim_harness.world.render.ground.surface import SurfacePainter
+from sim_harness.world.roads.appearance import Surface
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Image
 
@@ -90,6 +91,7 @@ class RoadStrip:
         station = (index + (np.arange(ROWS) + 0.5) / ROWS) * self.block_m
         rng = np.random.default_rng((self.seed, 2, index % 2**32))
         colour = np.empty((ROWS, self.grid.columns, 4), np.uint8)
+        colour[:, :, 3] = 0
         parts = stretches(self.road, index, station)
         for here in parts:
             self._surface.paint(colour[here.rows], here, rng)
@@ -97,7 +99,10 @@ class RoadStrip:
         self._marks.paint(colour, index, station)
         for here in parts:
             self._surface.cover(colour[here.rows], here)
-        colour[:, :, 3] = self._surface.mask(index, station)
+        mask = self._surface.mask(index, station)
+        for here in parts:
+            if here.section.surface != Surface.FLOOR:  # there the lines alone are no floor
+                colour[here.rows, :, 3] = mask[here.rows]
         return Block(colour, self._shadows.shade(index, station))
 
 

@@ -26,8 +26,9 @@ SURFACE_TINT = {
     Surface.ASPHALT: (0.99, 1.0, 1.0),
     Surface.CONCRETE: (0.94, 1.0, 1.03),
     Surface.GRAVEL: (0.80, 0.95, 1.08),
+    Surface.FLOOR: (1.0, 1.0, 1.0),
 }
-GRAIN = {Surface.ASPHALT: 0.09, Surface.CONCRETE: 0.05, Surface.GRAVEL: 0.20}
+GRAIN = {Surface.ASPHALT: 0.09, Surface.CONCRETE: 0.05, Surface.GRAVEL: 0.20, Surface.FLOOR: 0.0}
 CONCRETE_SLAB_M = 5.0
 BREAK_M = 0.6  # depth of the deepest piece broken off the edge
 KERB_BGR, KERB_STONE_M = (168, 174, 176), 1.0
