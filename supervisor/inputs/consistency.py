@@ -30,7 +30,7 @@ DRIFT_M = 3.0  # of way between the frames compared for the drift: a third of th
 DRIFT_S = 1.0  # for which it counts: at 3 m/s and more until the next one
 KNOWN_M = 0.05  # jump of the network on roads like its training data ...
 KNOWN_SHARE = 0.2  # ... and its weight before the first jump
-AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle
+AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle, or nearer: _compared_m
 LONGEST_S = 0.3  # longest time between two compared estimates; as fresh_s, the age of a usable estimate
 EDGES_M = 20.0  # patches of snow are some metres long; a comfort stop from 8 m/s takes 16 m
 LONG_UNMARKED_M = 30.0  # longer than any gap between dashes, which is 12 m on motorways
@@ -75,12 +75,12 @@ class _PathJitter(NamedTuple):
     way_m: float = 0.0  # driven since that frame
     square_m2: RunningMean = RunningMean(KNOWN_SHARE * KNOWN_M**2, KNOWN_SHARE)
 
-    def after(self, lane: Lane, motion: Motion, dt_s: float) -> "_PathJitter":
+    def after(self, lane: Lane, motion: Motion, dt_s: float, ahead_m: float) -> "_PathJitter":
         """With the lane ``dt_s`` later, weighted by the way since the last, once that is STEP_M."""
         before, way_m = self.before.after(motion, dt_s), self.way_m + abs(motion.speed_mps) * dt_s
         if way_m < STEP_M:
             return self._replace(before=before, way_m=way_m)
-        jump_m = lane.y_m(AHEAD_M) - before.y_m(AHEAD_M)
+        jump_m = lane.y_m(ahead_m) - before.y_m(ahead_m)
         return _PathJitter(lane, 0.0, self.square_m2.after(jump_m**2, way_m, length=PATH_JITTER_M))
 
 
@@ -98,13 +98,13 @@ class _Drift(NamedTuple):
         """The change; 0 once it is older than DRIFT_S, as at standstill."""
         return self.change_m if self.age_s <= DRIFT_S else 0.0
 
-    def after(self, lane: Lane, motion: Motion, dt_s: float, jump_m: float) -> "_Drift":
+    def after(self, lane: Lane, motion: Motion, dt_s: float, *, jump_m: float, ahead_m: float) -> "_Drift":
         """With the lane ``dt_s`` later, which jumped by ``jump_m`` from the one before."""
         greatest_m = at_least(abs(jump_m), self.jump_m)
         before, way_m = self.before.after(motion, dt_s), self.way_m + abs(motion.speed_mps) * dt_s
         if way_m < DRIFT_M:
             return self._replace(before=before, way_m=way_m, jump_m=greatest_m, age_s=self.age_s + dt_s)
-        there_m = at_least(AHEAD_M - way_m, 0.0)
+        there_m = at_least(ahead_m - way_m, 0.0)
         change_m = abs(lane.y_m(there_m) - before.y_m(there_m))
         return _Drift(lane, change_m=at_least(change_m - greatest_m, 0.0))
 
@@ -118,16 +118,17 @@ class _Track(NamedTuple):
     path_jitter: _PathJitter
     drift: _Drift
 
-    def after(self, lane: Lane, t_s: float, motion: Motion) -> "_Track":
+    def after(self, lane: Lane, t_s: float, motion: Motion, ahead_m: float) -> "_Track":
         """The means with the jump to ``lane``; after a gap there is no jump, and the mean by time restarts."""
         dt_s = t_s - self.t_s
         if not 0 < dt_s <= LONGEST_S:
             anew = self.path_jitter._replace(before=lane, way_m=0.0)
             return _Track(t_s, lane, RunningMean(0.0), anew, _Drift(lane))
-        jump_m = lane.y_m(AHEAD_M) - self.lane.after(motion, dt_s).y_m(AHEAD_M)
+        jump_m = lane.y_m(ahead_m) - self.lane.after(motion, dt_s).y_m(ahead_m)
         square_m2 = self.square_m2.after(jump_m**2, dt_s, length=MEMORY_S)
-        path_jitter = self.path_jitter.after(lane, motion, dt_s)
-        return _Track(t_s, lane, square_m2, path_jitter, self.drift.after(lane, motion, dt_s, jump_m))
+        path_jitter = self.path_jitter.after(lane, motion, dt_s, ahead_m)
+        drift = self.drift.after(lane, motion, dt_s, jump_m=jump_m, ahead_m=ahead_m)
+        return _Track(t_s, lane, square_m2, path_jitter, drift)
 
 
 class Consistency:
@@ -145,7 +146,7 @@ class Consistency:
         if s.lane is not None and track is None:
             track = _Track(s.t_s, s.lane, RunningMean(0.0), _PathJitter(s.lane), _Drift(s.lane))
         elif s.lane is not None and track is not None and s.t_s != track.t_s:
-            track = track.after(s.lane, s.t_s, motion)
+            track = track.after(s.lane, s.t_s, motion, _compared_m(s))
         if track is None:
             return Steadiness(0.0, KNOWN_M)
         self._tracks[s.estimator] = track
@@ -153,6 +154,11 @@ class Consistency:
         if s.marked is not None:  # it tracks lines or edges
             jitter_m = at_least(track.drift.drift_m, jitter_m)
         return Steadiness(jitter_m, math.sqrt(track.path_jitter.square_m2.mean))
+
+
+def _compared_m(s: ValidatedEstimate) -> float:
+    """Where the lanes of an estimator are compared: AHEAD_M, or its look-ahead, where its lane is stated."""
+    return at_most(AHEAD_M, s.lookahead_m)
 
 
 class EdgeWay(NamedTuple):
