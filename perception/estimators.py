@@ -187,6 +187,14 @@ def _segments_assumed(camera: Camera, vehicle: Vehicle, finder: "WhichLane") -> 
     return build(vehicle, lane_cv_settings())
 
 
+def _tape_lane(camera: Camera, vehicle: Vehicle) -> Estimator:
+    from perception.tape.estimator import TapeLane
+    from perception.tape.settings import TapeSettings
+
+    line_m = lane_cv_settings().markings.width_m
+    return TapeLane(load(CONFIG_DIR / "tape.yaml", TapeSettings), line_m, camera, vehicle)
+
+
 def _has_segments() -> bool:
     from perception.segments.settings import network_file, segment_settings
 
@@ -235,8 +243,15 @@ FURTHER = {
         files=("config/perception.yaml", "config/segments.yaml", "config/networks"),
         version=_segments_version,
     ),
+    "tape": Entry(
+        "lane between lines of tape of any colour, by length, for bends as tight as the lane is wide",
+        _tape_lane,
+        source="config/tape.yaml, docs/rc.md",
+        modules=("perception.tape.estimator",),
+        files=("config/tape.yaml", "config/perception.yaml"),
+    ),
 }
-"""Estimators that need a file which Trepid does not ship."""
+"""Estimators that a car may choose: for real streets, by a network that Trepid does not ship; for tape."""
 
 
 def estimators() -> dict[str, Entry]:

@@ -50,6 +50,7 @@ REFERENCE_FILES = frozenset(
         "sight.yaml",
         "steer_net.yaml",
         "supervisor.yaml",
+        "tape.yaml",
     }
 )
 """Settings that hold in the reference world of :mod:`trepid.scale`; a car states them in its own metres."""

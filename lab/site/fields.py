@@ -46,6 +46,7 @@ CLASSES: Mapping[str, str] = MappingProxyType(
         "simulator": "sim_harness.lockstep.vehicle:SimulatorSettings",
         "steer_net": "perception.net.steer_net:SteerNetSettings",
         "supervisor": "supervisor.supervisor:SupervisorSettings",
+        "tape": "perception.tape.settings:TapeSettings",
         "train": "learning.lane.fit:Recipe",
         "tune": "sim_harness.tuning.settings:TuneSettings",
         "vehicle": "trepid.car.vehicle:Vehicle",

@@ -106,7 +106,7 @@ class Vehicle(Settings):
     max_decel_mps2: Positive  # of the brakes
     accel_lag_s: NonNegative  # first-order time constant of drive and brakes
     standstill_mps: Positive  # below this speed it stands
-    lane_width_m: Annotated[float, Field(ge=0.3, le=6)] = REFERENCE_LANE_M  # usual, of the lanes it drives in
+    lane_width_m: Annotated[float, Field(ge=0.1, le=6)] = REFERENCE_LANE_M  # usual, of the lanes it drives in
     traffic: Traffic = Traffic.UNKNOWN  # learned while driving where it is not given
     dash_period_m: Positive | None = None  # from dash to dash of the lines of its lanes; None: not known
 

@@ -1,0 +1,224 @@
+"""A lane by length: offset and heading at the axle, and its curvature at stations along it, also behind the car.
+
+Unknown are p = (e, ψ, W, κ₁ … κₙ). With the curvature κ(s), linear between the stations, and φ(s) = -ψ + ∫₀ˢκ du,
+the lane centre in the vehicle frame is, as x + iy,
+
+    c(s) = -i·e·exp(-iψ) + ∫₀ˢ exp(iφ) du
+
+so that a lane may turn by 180° and more. A point q of a line lies d = Im(exp(-iφ)·(q - c)) left of the nearest
+c(s), and on a boundary r = d ∓ W/2 = 0. Gauss-Newton steps minimise Σ w·r²/σ² with the weights 1/(1 + (r/s)²)² of
+Geman and McClure, for falling s, and with priors: the prediction from the frame before, and curvatures that change
+little from station to station. The derivatives of d follow from those of c:
+
+    ∂c/∂e = -i·exp(-iψ)     ∂c/∂ψ = -i·c     ∂c/∂κⱼ = ∫₀ˢ i·Tⱼ·exp(iφ) du     Tⱼ(s) = ∫₀ˢ ∂κ/∂κⱼ du
+"""
+
+import cmath
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.tape.floor import TapePoints
+from perception.tape.settings import CurveSettings
+from trepid.clothoid import Lane, chord
+from trepid.messages import SIGMA_AHEAD_M
+from trepid.types import Array, Mask
+
+E, PSI, WIDTH, BENDS = 0, 1, 2, 3  # in the vector p
+STEP_M = 0.25  # between the points at which the lane is computed
+STEPS = 2  # of Gauss-Newton, for each scale
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Stations:
+    """The stations of the curvature, and the integrals that depend on them alone."""
+
+    at_m: Array  # (n,)
+    fine_m: Array  # (m,), with 0
+    zero: int  # index of 0
+    bend: Array  # κ(fine) = bend @ κ, (m, n)
+    turn: Array  # T, (m, n)
+
+    def from_axle(self, values: NDArray[np.complexfloating] | Array) -> NDArray[np.complexfloating] | Array:
+        """∫₀ˢ of ``values`` (m, …) at the fine stations, by the trapezoidal rule."""
+        total = np.zeros_like(values)
+        np.cumsum((values[1:] + values[:-1]) * (STEP_M / 2), axis=0, out=total[1:])
+        return total - total[self.zero]
+
+
+@lru_cache(maxsize=4)
+def stations(at_m: tuple[float, ...]) -> Stations:
+    """The table for stations at ``at_m``, which contain 0."""
+    nodes = np.array(at_m)
+    count_behind, count_ahead = round(-nodes[0] / STEP_M), round(nodes[-1] / STEP_M)
+    fine_m = STEP_M * np.arange(-count_behind, count_ahead + 1)
+    bend = np.column_stack([np.interp(fine_m, nodes, unit) for unit in np.eye(len(nodes))])
+    table = Stations(nodes, fine_m, count_behind, bend, np.empty(0))
+    return Stations(nodes, fine_m, count_behind, bend, np.asarray(table.from_axle(bend), float))
+
+
+class Drawn(NamedTuple):
+    """The lane at the fine stations: centre and unit direction, as x + iy."""
+
+    centre: Complex
+    along: Complex
+
+
+class Placed(NamedTuple):
+    """Points relative to a lane."""
+
+    station: NDArray[np.intp]  # index of the nearest fine station
+    left_m: Array  # d
+    beside: Mask  # beside the lane, neither before its first station nor beyond its last, and along it
+
+
+@dataclass(frozen=True)
+class LaneCurve:
+    """A lane by length, with the covariance of p."""
+
+    at_m: tuple[float, ...]  # the stations
+    p: Array
+    covariance: Array
+
+    @property
+    def table(self) -> Stations:
+        return stations(self.at_m)
+
+    @property
+    def width_m(self) -> float:
+        return float(self.p[WIDTH])
+
+    def draw(self) -> Drawn:
+        """Centre and direction at the fine stations."""
+        table, psi = self.table, float(self.p[PSI])
+        along = np.exp(1j * (table.turn @ self.p[BENDS:] - psi))
+        start = -1j * self.p[E] * cmath.exp(-1j * psi)
+        return Drawn(start + table.from_axle(along), along)
+
+    def place(self, points: TapePoints, drawn: Drawn, slant_rad: float) -> Placed:
+        """The points beside the lane; those of lines that are askew by more than ``slant_rad`` are not."""
+        at = points.x_m + 1j * points.y_m
+        apart = at[:, None] - drawn.centre
+        station = np.argmin(apart.real**2 + apart.imag**2, axis=1) if len(at) else np.empty(0, np.intp)
+        rest = apart[np.arange(len(at)), station] * np.conj(drawn.along[station])
+        askew = np.abs(np.sin(points.course_rad - np.angle(drawn.along[station])))
+        beside = (np.abs(rest.real) <= STEP_M) & (askew < math.sin(slant_rad))
+        return Placed(station, rest.imag, beside)
+
+    def gradient(self, drawn: Drawn) -> Array:
+        """∂d/∂p at the fine stations without the part of the width, (m, 3 + n): minus the shift of the centre."""
+        table = self.table
+        shift = np.empty((len(table.fine_m), len(self.p)), np.complex128)
+        shift[:, E] = -1j * cmath.exp(-1j * float(self.p[PSI]))
+        shift[:, PSI] = -1j * drawn.centre
+        shift[:, WIDTH] = 0.0
+        shift[:, BENDS:] = table.from_axle(1j * table.turn * drawn.along[:, None])
+        return np.asarray(-(shift * np.conj(drawn.along)[:, None]).imag, float)
+
+    def moved(self, way_m: float, turned_rad: float) -> Self:
+        """The lane in the frame of the vehicle after an arc of ``way_m`` that turned by ``turned_rad``."""
+        drawn, table = self.draw(), self.table
+        here = complex(*chord(way_m, turned_rad))
+        nearest = int(np.argmin(np.abs(drawn.centre - here)))
+        rest = (here - drawn.centre[nearest]) * np.conj(drawn.along[nearest])
+        gone_m = float(table.fine_m[nearest] + rest.real)
+        bends = np.interp(table.at_m + gone_m, table.at_m, self.p[BENDS:])
+        turn = float(np.interp(gone_m, table.fine_m, table.turn @ self.p[BENDS:]))
+        heading = turned_rad - (turn - float(self.p[PSI]))
+        p = np.r_[float(rest.imag), heading, self.p[WIDTH], bends]
+        return type(self)(self.at_m, p, self.covariance)
+
+    def clothoid(self, reach_m: float) -> Lane:
+        """The clothoid from the axle that turns as this lane does up to ``reach_m``: least squares of the angle."""
+        table = self.table
+        part = (table.fine_m >= 0) & (table.fine_m <= reach_m)
+        s_m, turned = table.fine_m[part], (table.turn @ self.p[BENDS:])[part]
+        (bend, rate), *_ = np.linalg.lstsq(np.column_stack([s_m, s_m**2 / 2]), turned, rcond=None)
+        return Lane(float(self.p[E]), float(self.p[PSI]), float(bend), float(rate))
+
+    def sigma_m(self, ahead_m: float, gradient: Array) -> float:
+        """Standard deviation across the lane of its centre, ``ahead_m`` along it; larger beyond the stations."""
+        table = self.table
+        inside_m = min(ahead_m, float(table.at_m[-1]))
+        row = gradient[round((inside_m - table.fine_m[0]) / STEP_M)]
+        sigma_m = math.sqrt(max(float(row @ self.covariance @ row), 0.0))
+        return sigma_m * (ahead_m / inside_m) ** 2 if ahead_m > inside_m > 0 else sigma_m
+
+    def ahead_sigma_m(self, gradient: Array) -> tuple[float, ...]:
+        """:meth:`sigma_m` at SIGMA_AHEAD_M."""
+        return tuple(self.sigma_m(ahead_m, gradient) for ahead_m in SIGMA_AHEAD_M)
+
+
+def arc_lane(
+    settings: CurveSettings, *, offset_m: float, heading_rad: float, bend_1pm: float, width_m: float
+) -> LaneCurve:
+    """An arc as a lane by length."""
+    bends = np.full(len(settings.stations_m), bend_1pm)
+    p = np.r_[offset_m, heading_rad, width_m, bends]
+    return LaneCurve(settings.stations_m, p, np.diag(np.full(len(p), 1.0)))
+
+
+class CurveFit:
+    """Fits lanes to points."""
+
+    def __init__(self, settings: CurveSettings, width_m: float) -> None:
+        """``width_m``: the usual width of the lanes."""
+        self._settings, self._width_m = settings, width_m
+        self._prior = self._shape_information()
+
+    def _shape_information(self) -> Array:
+        """Information of the curvatures: small, and changing little from station to station; that of the width."""
+        settings = self._settings
+        at_m = np.array(settings.stations_m)
+        count = BENDS + len(at_m)
+        information = np.zeros((count, count))
+        information[WIDTH, WIDTH] = 1 / (settings.width_sigma * self._width_m) ** 2
+        bends = slice(BENDS, count)
+        information[bends, bends] += np.eye(len(at_m)) / settings.bend_1pm**2
+        for number, gap_m in enumerate(np.diff(at_m), start=BENDS):
+            change = np.zeros(count)
+            change[[number, number + 1]] = -1.0, 1.0
+            sigma = settings.bend_change_1pm_per_sqrt_m * math.sqrt(gap_m)
+            information += np.outer(change, change) / sigma**2
+        return information
+
+    def fit(self, start: LaneCurve, points: TapePoints, weight: Array, *, tracked: bool) -> LaneCurve:
+        """The lane near ``start`` that fits the points (n,) with the weights (n,) best.
+
+        ``tracked``: ``start`` is the prediction from the frame before, which counts as a measurement.
+        """
+        settings = self._settings
+        trust = np.diag(self._step_information(tracked))
+        usual = np.zeros(len(start.p))
+        usual[WIDTH] = self._width_m
+        lane = start
+        normal = self._prior + trust
+        for scale_m in settings.scales_m:
+            for _ in range(STEPS):
+                drawn = lane.draw()
+                placed = lane.place(points, drawn, settings.slant_rad)
+                side = np.sign(placed.left_m)
+                off_m = placed.left_m - side * lane.p[WIDTH] / 2
+                share = placed.beside * weight / (1 + (off_m / scale_m) ** 2) ** 2
+                slope = lane.gradient(drawn)[placed.station]
+                slope[:, WIDTH] = -side / 2
+                weighted = slope * (share / settings.point_sigma_m**2)[:, None]
+                normal = weighted.T @ slope + self._prior + trust
+                pull = weighted.T @ off_m + self._prior @ (lane.p - usual) + trust @ (lane.p - start.p)
+                p = np.asarray(lane.p - np.linalg.solve(normal, pull), float)
+                lane = LaneCurve(lane.at_m, p, lane.covariance)
+        return LaneCurve(lane.at_m, lane.p, np.asarray(np.linalg.inv(normal), float))
+
+    def _step_information(self, tracked: bool) -> Array:
+        """Information of a prediction by one frame about p, shape (3 + n,); hardly any for a lane of the search."""
+        settings = self._settings
+        step = settings.step if tracked else settings.searched
+        sigma = np.full(BENDS + len(settings.stations_m), step.bend_1pm)
+        sigma[[E, PSI, WIDTH]] = step.offset_m, step.heading_rad, self._width_m
+        return np.asarray(1 / sigma**2)

@@ -1,0 +1,233 @@
+"""The estimator `tape`: the lane between lines of tape, by length and with a memory of what is beside the image.
+
+For each frame: the lines on the floor in all directions (:mod:`.floor`); those seen before, moved with the vehicle,
+where the image does not show the floor (:mod:`.memory`); the lane by length through both (:mod:`.curve`), from the
+prediction, or from the best arcs where there is none or it is unsure. In a bend as tight as the lane is wide, the
+image shows the outer line alone, from some lane widths ahead on; the inner one is in the memory.
+
+Confidence = length × share of line on the visible boundaries × no lines inside the lane × small deviation at the
+look-ahead × frames in a row. It falls with the way without a line.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.lane.model.geometry import distances
+from perception.lane.model.prediction import VehicleMotion
+from perception.lane.view import as_bgr, unusable
+from perception.tape.curve import STEP_M, CurveFit, LaneCurve, arc_lane
+from perception.tape.floor import FloorRaster, TapePoints
+from perception.tape.memory import THIN_M, LineMemory
+from perception.tape.paths import boundary_pixels
+from perception.tape.settings import TapeSettings
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle, road_wheel_angle
+from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.scale import REFERENCE_LANE_M
+from trepid.types import Array
+
+NAME = "tape"
+MAX_GAP_S = 1.0  # between frames, over which lines and lane are remembered
+ON_M = 0.35  # of a line beside its boundary
+BEHIND_M = 1.0  # lines behind the axle up to here count as near
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for a lane: lengths [m] near the car."""
+
+    seen_m: tuple[float, float]  # of line on the left and the right boundary in the image
+    visible_m: float  # of both boundaries in the image
+    remembered_m: float  # of line on both boundaries beside the image
+    inside_m: float  # of line between the boundaries
+
+    @property
+    def votes(self) -> float:
+        """Of line for the lane, less that against it."""
+        return sum(self.seen_m) + self.remembered_m - self.inside_m
+
+
+class TapeLane:
+    """Estimator "tape". Its state is the last lane and the lines around it."""
+
+    def __init__(self, settings: TapeSettings, line_m: float, camera: Camera, vehicle: Vehicle) -> None:
+        """``line_m``: width of the lines."""
+        self._settings, self._line_m, self._vehicle = settings, line_m, vehicle
+        self._raster = FloorRaster(camera, settings.floor, line_m)
+        self._memory = LineMemory(settings.memory)
+        self._fit = CurveFit(settings.curve, REFERENCE_LANE_M)
+        self._arcs = _arcs(settings)
+        self._lane: LaneCurve | None = None
+        self._t_s = -math.inf
+        self._looks, self._unseen_m, self._sure = 0, 0.0, 0.0
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The lane in ``frame``; ``state`` gives the motion since the last frame."""
+        if problem := unusable(frame.image):
+            return self._nothing(frame.t_s, problem)
+        height_px, width_px = frame.image.shape[:2]
+        if (self._raster.camera.width_px, self._raster.camera.height_px) != (width_px, height_px):
+            camera = self._raster.camera.resize(width_px, height_px)
+            self._raster = FloorRaster(camera, self._settings.floor, self._line_m)
+        if not self._raster.seen.any():
+            return self._nothing(frame.t_s, "the image shows no floor")
+        self._move(frame.t_s, VehicleMotion.of(state))
+        points = self._memory.update(self._raster.points(as_bgr(frame.image)), self._raster)
+        weight = np.where(points.way_m > 0, 0.5, 1.0)
+        self._choose(points, weight)
+        if self._lane is None:
+            return self._nothing(frame.t_s, "no lines of a lane found")
+        return self._estimate(frame.t_s, points)
+
+    def _move(self, t_s: float, motion: VehicleMotion) -> None:
+        """Lane and lines at ``t_s``; nothing is remembered after a jump in time, nor without speed and yaw rate."""
+        dt_s, self._t_s = t_s - self._t_s, t_s
+        if not 0 <= dt_s <= MAX_GAP_S or motion.speed_mps is None or motion.yaw_rate_radps is None:
+            self._memory.forget()
+            self._lane, self._looks, self._unseen_m, self._sure = None, 0, 0.0, 0.0
+            return
+        way_m, turned_rad = motion.speed_mps * dt_s, motion.yaw_rate_radps * dt_s
+        self._memory.move(way_m, turned_rad)
+        if self._lane is not None:
+            self._lane = self._lane.moved(way_m, turned_rad)
+            self._unseen_m += abs(way_m)
+            if self._unseen_m > self._settings.sure.forget_m:
+                self._lane, self._looks, self._sure = None, 0, 0.0
+
+    def _choose(self, points: TapePoints, weight: Array) -> None:
+        """The tracked lane; where there is none, or it is unsure, the best of the search if it has more line."""
+        least = self._settings.sure.least
+        kept = None if self._lane is None else self._fit.fit(self._lane, points, weight, tracked=True)
+        if kept is not None and self._sure >= least:
+            self._lane = kept
+            return
+        most = -math.inf if kept is None else self._evidence(kept, points).votes
+        for start in self._search(points, weight):
+            found = self._fit.fit(start, points, weight, tracked=False)
+            votes = self._evidence(found, points).votes - _strangeness(found)
+            if votes > max(most, 0.0) + (1.0 if kept is not None else 0.0):
+                self._lane, kept, most, self._looks = found, found, votes, 0
+        self._lane = kept
+
+    def _search(self, points: TapePoints, weight: Array) -> list[LaneCurve]:
+        """The arcs with most line on their boundaries, clearly different ones."""
+        if len(points.x_m) < 8:
+            return []
+        arcs = self._arcs
+        off_m = np.abs(distances(points.x_m, points.y_m, arcs)) - REFERENCE_LANE_M / 2
+        ahead = np.hypot(points.x_m, points.y_m) < 1.6 * self._settings.sure.near_m
+        votes = (1 / (1 + (off_m / ON_M) ** 2) ** 2) @ (weight * ahead) * THIN_M
+        votes -= 0.5 * ((arcs[:, 0] / 0.8) ** 2 + (arcs[:, 1] / 0.4) ** 2 + (arcs[:, 2] / 0.2) ** 2)
+        found: list[Array] = []
+        for number in np.argsort(-votes):
+            arc = arcs[number]
+            if all(abs(arc[0] - other[0]) > 0.7 or abs(arc[1] - other[1]) > 0.25 for other in found):
+                found.append(arc)
+            if len(found) == self._settings.search.tried:
+                break
+        return [
+            arc_lane(
+                self._settings.curve,
+                offset_m=float(e),
+                heading_rad=float(psi),
+                bend_1pm=float(kappa),
+                width_m=REFERENCE_LANE_M,
+            )
+            for e, psi, kappa, *_ in found
+        ]
+
+    def _evidence(self, lane: LaneCurve, points: TapePoints) -> Evidence:
+        """The lengths of line on and between the boundaries of ``lane`` near the car."""
+        settings, drawn, table = self._settings, lane.draw(), lane.table
+        placed = lane.place(points, drawn, settings.curve.slant_rad)
+        s_m = table.fine_m[placed.station]
+        near = placed.beside & (s_m > -BEHIND_M) & (s_m < settings.sure.near_m)
+        on = near & (np.abs(np.abs(placed.left_m) - lane.width_m / 2) < ON_M)
+        now = points.way_m == 0
+        lengths = [
+            STEP_M * len(np.unique(placed.station[on & part & (sign * placed.left_m > 0)]))
+            for part in (now, ~now)
+            for sign in (1.0, -1.0)
+        ]
+        inside = near & now & (np.abs(placed.left_m) < lane.width_m / 2 - 2 * ON_M)
+        visible_m = 0.0
+        part = (table.fine_m > -BEHIND_M) & (table.fine_m < settings.sure.near_m)
+        for sign in (1.0, -1.0):
+            side = drawn.centre[part] + sign * 1j * lane.width_m / 2 * drawn.along[part]
+            visible_m += STEP_M * np.count_nonzero(self._raster.sees(side.real, side.imag))
+        return Evidence(
+            seen_m=(lengths[0], lengths[1]),
+            visible_m=visible_m,
+            remembered_m=lengths[2] + lengths[3],
+            inside_m=STEP_M * len(np.unique(placed.station[inside])),
+        )
+
+    def _estimate(self, t_s: float, points: TapePoints) -> SteeringEstimate:
+        lane, sure = self._lane, self._settings.sure
+        assert lane is not None
+        evidence = self._evidence(lane, points)
+        gradient = lane.gradient(lane.draw())
+        seen_m = sum(evidence.seen_m)
+        if seen_m >= 2 * STEP_M:
+            self._looks, self._unseen_m = min(self._looks + 1, sure.looks), 0.0
+        sides = sum(length >= 2 * STEP_M for length in evidence.seen_m)
+        line = min(1.0, (seen_m + evidence.remembered_m) / sure.line_m)
+        share = min(1.0, seen_m / max(sure.share * evidence.visible_m, STEP_M)) if evidence.visible_m else 1.0
+        clear = (seen_m + evidence.remembered_m) / max(
+            seen_m + evidence.remembered_m + evidence.inside_m, STEP_M
+        )
+        aim = math.exp(-0.5 * (lane.sigma_m(self._settings.lookahead_m, gradient) / sure.aim_sigma_m) ** 2)
+        fade = math.exp(-self._unseen_m / sure.coast_m) * self._looks / sure.looks
+        self._sure = line * share * clear * aim * fade
+        clothoid = lane.clothoid(self._settings.lookahead_m)
+        left, right = boundary_pixels(lane, self._raster.camera)
+        return SteeringEstimate(
+            t_s=t_s,
+            estimator=NAME,
+            lateral_offset_m=clothoid.offset_m,
+            heading_error_rad=clothoid.heading_rad,
+            curvature_1pm=clothoid.curvature_at(self._settings.lookahead_m),
+            curvature_rate_1pm2=clothoid.curvature_rate_1pm2,
+            lookahead_m=self._settings.lookahead_m,
+            road_wheel_angle_rad=road_wheel_angle(
+                clothoid.pursuit_curvature(self._settings.lookahead_m), wheelbase_m=self._vehicle.wheelbase_m
+            ),
+            confidence=self._sure,
+            lanes_detected=sides,
+            lane_width_m=lane.width_m,
+            reason="" if seen_m else f"no line seen for {self._unseen_m:.1f} m",
+            left_boundary_px=left,
+            right_boundary_px=right,
+            marked=True,
+            ahead_sigma_m=lane.ahead_sigma_m(gradient),
+        )
+
+    def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:
+        return SteeringEstimate.nothing(
+            t_s, estimator=NAME, lookahead_m=self._settings.lookahead_m, reason=reason
+        )
+
+
+def _arcs(settings: TapeSettings) -> Array:
+    """The arcs of the search, shape (n, 5): e, ψ, κ, κ' = 0, W."""
+    search = settings.search
+    axes = [
+        np.linspace(-limit, limit, count)
+        for limit, count in (
+            (search.offset_m, search.offsets),
+            (search.heading_rad, search.headings),
+            (search.bend_1pm, search.bends),
+        )
+    ]
+    grid: NDArray[np.float64] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    rest = np.column_stack([np.zeros(len(grid)), np.full(len(grid), REFERENCE_LANE_M)])
+    return np.column_stack([grid, rest])
+
+
+def _strangeness(lane: LaneCurve) -> float:
+    """Metres of line that a lane far from the car, or askew to it, needs more than another."""
+    e, psi = float(lane.p[0]), float(lane.p[1])
+    return 0.5 * ((e / 0.8) ** 2 + (psi / 0.4) ** 2)

@@ -1,0 +1,104 @@
+"""The estimator `tape` on rendered tracks: bends of 1.5 lane widths, one line in sight, dashes, scales."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from perception.estimators import entry_of
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.roads.road import Road
+from sim_harness.world.tracks import LOOKS, taped_track
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.clothoid import Lane
+from trepid.config import CONFIG_DIR, load, using_car
+from trepid.messages import Frame, SteeringEstimate, VehicleState
+
+LANE_M, SPEED_MPS, PERIOD_S = 0.22, 0.4, 0.04
+Seen = list[tuple[float, float, SteeringEstimate]]
+
+
+@cache
+def lap(look: str, bend: float, aside_m: float = 0.0, blind: bool = False) -> Seen:
+    """Station, true curvature and estimate along the first bend, driven at a constant offset from the lane centre.
+
+    ``blind``: the vehicle reports no yaw rate.
+    """
+    road = Road(taped_track("oval", LOOKS[look], lane_width_m=LANE_M, bend=bend))
+    with using_car(CONFIG_DIR / "cars" / "mini"):
+        camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+        estimator = entry_of("tape").build(camera, vehicle)
+        renderer, found = Renderer(road, camera, seed=1), []
+        station_m, t_s = 0.0, 0.0
+        while station_m < 0.55 + math.pi * abs(bend) * LANE_M + 0.2:
+            x_m, y_m = road.position(station_m, aside_m)
+            curvature_1pm = road.curvature_at(station_m)
+            own_1pm = curvature_1pm / (1 - curvature_1pm * aside_m)
+            image = renderer.render(x_m, y_m, road.heading_at(station_m), t_s=t_s, station_m=station_m)
+            state = VehicleState(
+                t_s=t_s,
+                speed_mps=SPEED_MPS,
+                road_wheel_angle_rad=math.atan(vehicle.wheelbase_m * own_1pm),
+                yaw_rate_radps=None if blind else SPEED_MPS * own_1pm,
+                driver_override=False,
+            )
+            estimate = estimator.step(Frame(t_s=t_s, image=image), state, now_s=t_s)
+            found.append((station_m, curvature_1pm, estimate))
+            station_m += SPEED_MPS * PERIOD_S / (1 - curvature_1pm * aside_m)
+            t_s += PERIOD_S
+    return found
+
+
+def offset_m(estimate: SteeringEstimate) -> float:
+    """Its lateral offset, which must be measured."""
+    assert estimate.lateral_offset_m is not None, estimate.reason
+    return estimate.lateral_offset_m
+
+
+@pytest.mark.parametrize("bend", [1.5, -1.5])
+def test_the_lane_is_kept_through_a_bend_of_one_and_a_half_lane_widths(bend: float) -> None:
+    seen = lap("white_on_mat", bend)[5:]
+    assert np.mean([estimate.confidence > 0.5 for _, _, estimate in seen]) > 0.95
+    assert max(abs(offset_m(estimate)) for _, _, estimate in seen) < 0.02
+    assert max(abs(estimate.heading_error_rad or 0.0) for _, _, estimate in seen) < 0.12
+
+
+def test_the_curvature_of_a_bend_is_measured_in_it() -> None:
+    bend_1pm = 1 / (1.5 * LANE_M)
+    inside = [
+        lane.curvature_at(0.1)
+        for station_m, curvature_1pm, estimate in lap("white_on_mat", 1.5)
+        if curvature_1pm > 0.99 * bend_1pm and 0.8 < station_m < 1.2 and (lane := Lane.of_message(estimate))
+    ]
+    assert len(inside) > 10
+    assert np.median(inside) == pytest.approx(bend_1pm, rel=0.08)
+
+
+@pytest.mark.parametrize("place_m", [0.03, -0.03])
+def test_an_offset_in_the_bend_is_measured(place_m: float) -> None:
+    found = [offset_m(estimate) for _, _, estimate in lap("white_on_mat", 2.0, place_m)[5:]]
+    assert np.median(found) == pytest.approx(place_m, abs=0.006)
+
+
+@pytest.mark.parametrize("look", list(LOOKS))
+def test_every_tape_on_every_floor_gives_the_lane(look: str) -> None:
+    seen = lap(look, 2.0)[5:]
+    assert np.mean([estimate.confidence > 0.4 for _, _, estimate in seen]) > 0.9
+    assert np.quantile([abs(offset_m(estimate)) for _, _, estimate in seen], 0.95) < 0.025
+
+
+def test_without_a_yaw_rate_nothing_is_remembered() -> None:
+    """Every frame is a first one: its lane has no memory and so no full confidence."""
+    assert max(estimate.confidence for _, _, estimate in lap("white_on_mat", 3.0, blind=True)[:10]) < 0.5
+
+
+def test_the_boundaries_are_drawn_in_the_image() -> None:
+    _, _, estimate = lap("white_on_mat", 3.0)[8]
+    assert len(estimate.left_boundary_px) > 3 and len(estimate.right_boundary_px) > 3
+    assert (
+        np.mean([u for u, _ in estimate.left_boundary_px[:4]])
+        < 160
+        < np.mean([u for u, _ in estimate.right_boundary_px[:4]])
+    )

@@ -1,0 +1,129 @@
+"""Lines of tape on drawn floors: place and direction in every direction, colours, and what is no line."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from perception.tape.floor import FloorRaster
+from perception.tape.memory import LineMemory, thin
+from perception.tape.settings import TapeSettings
+from trepid.car.camera import Camera
+from trepid.config import CONFIG_DIR, load
+
+SETTINGS = load(CONFIG_DIR / "tape.yaml", TapeSettings)
+CAMERA = Camera(
+    width_px=320,
+    height_px=240,
+    fx_px=160.0,
+    fy_px=160.0,
+    cx_px=160.0,
+    cy_px=120.0,
+    x_m=1.0,
+    y_m=0.0,
+    height_m=1.5,
+    pitch_down_rad=0.25,
+    yaw_rad=0.0,
+)
+LINE_M = 0.36
+FINE = 8  # the image is drawn so many times larger and then reduced
+
+
+def floor_with(
+    *patches: tuple[np.ndarray, tuple[int, int, int]], floor=(120, 120, 120), seed: int = 0
+) -> np.ndarray:
+    """An image of a floor with polygons of road points (n, 2) [m] in colours, and sensor noise."""
+    large = CAMERA.resize(FINE * CAMERA.width_px, FINE * CAMERA.height_px)
+    image = np.full((large.height_px, large.width_px, 3), floor, np.uint8)
+    for road_m, colour in patches:
+        pixels = large.pixel_from_road(road_m)
+        assert np.isfinite(pixels).all()
+        cv2.fillPoly(image, [np.round(pixels).astype(np.int32)], colour)
+    image[: round(large.horizon_row_px)] = (210, 200, 190)
+    small = cv2.resize(image, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_AREA)
+    noise = np.random.default_rng(seed).normal(0, 2, small.shape)
+    return np.clip(small + noise, 0, 255).astype(np.uint8)
+
+
+def strip(middle: complex, course_rad: float, length_m: float = 2.0, width_m: float = LINE_M) -> np.ndarray:
+    along, across = np.exp(1j * course_rad) * length_m / 2, 1j * np.exp(1j * course_rad) * width_m / 2
+    corners = middle + np.array([along + across, along - across, -along - across, -along + across])
+    return np.column_stack([corners.real, corners.imag])
+
+
+RASTER = FloorRaster(CAMERA, SETTINGS.floor, LINE_M)
+
+
+@pytest.mark.parametrize("course_deg", [0, 30, 60, 90, 120, 150])
+def test_a_line_is_found_at_its_place_in_every_direction(course_deg: int) -> None:
+    course_rad, middle = math.radians(course_deg), 4.5 + 0.4j
+    found = RASTER.points(floor_with((strip(middle, course_rad), (225, 225, 225))))
+    at = (found.x_m + 1j * found.y_m - middle) * np.exp(-1j * course_rad)
+    inner = np.abs(at.real) < 0.7
+    assert np.count_nonzero(inner) >= 8
+    assert np.abs(at.imag[inner]).max() < 0.12
+    assert np.abs(np.sin(found.course_rad[inner] - course_rad)).mean() < 0.15
+
+
+@pytest.mark.parametrize(
+    ("floor", "tape"),
+    [
+        ((50, 50, 50), (225, 225, 225)),
+        ((52, 50, 50), (62, 178, 226)),
+        ((84, 124, 162), (168, 96, 34)),
+        ((180, 185, 188), (38, 36, 36)),
+        ((84, 124, 162), (38, 36, 36)),
+        ((120, 120, 120), (210, 105, 60)),  # blue tape as light as the floor
+    ],
+)
+def test_tape_is_found_by_its_light_or_by_its_colour(
+    floor: tuple[int, int, int], tape: tuple[int, int, int]
+) -> None:
+    found = RASTER.points(floor_with((strip(4.5 + 0j, 0.4), tape), floor=floor))
+    at = (found.x_m + 1j * found.y_m - 4.5) * np.exp(-0.4j)
+    inside = (np.abs(at.real) < 1.1) & (np.abs(at.imag) < 0.3)
+    assert np.count_nonzero(inside) >= 8
+    assert np.count_nonzero(~inside) <= 0.2 * np.count_nonzero(inside)
+
+
+def test_the_edge_of_a_patch_of_light_is_no_line_but_at_its_corners() -> None:
+    patch = np.array([[3.0, -2.0], [3.0, 2.0], [7.0, 2.5], [7.0, -2.5]])
+    found = RASTER.points(floor_with((patch, (220, 220, 220))))
+    apart = np.abs((found.x_m + 1j * found.y_m)[:, None] - patch @ [1, 1j]).min(axis=1)
+    assert np.count_nonzero(apart > 0.6) <= 2
+
+
+def test_a_bare_floor_has_no_line() -> None:
+    assert len(RASTER.points(floor_with(seed=3)).x_m) <= 3
+
+
+def test_lines_beside_the_image_are_remembered_and_move_with_the_car() -> None:
+    memory = LineMemory(SETTINGS.memory)
+    seen = memory.update(RASTER.points(floor_with((strip(4.0 - 1.2j, 0.0, 3.0), (225, 225, 225)))), RASTER)
+    places = seen.x_m + 1j * seen.y_m
+    blank = floor_with()
+    for _ in range(10):  # an arc of 3 m that turns by 0.5 rad
+        memory.move(0.3, 0.05)
+        now = memory.update(RASTER.points(blank), RASTER)
+    along = 3.0 * math.sin(0.25) / 0.25 * np.exp(0.25j)  # chord of the arc
+    expected = (places - along) * np.exp(-0.5j)
+    old = now.where(now.way_m > 2.9)
+    assert len(old.x_m) >= 5
+    apart = np.abs((old.x_m + 1j * old.y_m)[:, None] - expected).min(axis=1)
+    assert apart.max() < 0.02  # ten chords for one arc
+
+
+def test_lines_of_long_ago_are_forgotten() -> None:
+    memory = LineMemory(SETTINGS.memory)
+    memory.update(RASTER.points(floor_with((strip(3.5 + 0j, 0.0), (225, 225, 225)))), RASTER)
+    memory.move(SETTINGS.memory.keep_m + 0.1, 6.0)
+    assert not len(memory.points.x_m)
+
+
+def test_points_are_thinned_to_one_in_a_square() -> None:
+    found = RASTER.points(floor_with((strip(4.0 + 0j, 0.3), (225, 225, 225))))
+    kept = thin(found)
+    assert 5 <= len(kept.x_m) < len(found.x_m)
+    apart = np.abs((kept.x_m + 1j * kept.y_m)[:, None] - (found.x_m + 1j * found.y_m)).min(axis=0)
+    assert apart.max() < 0.25
