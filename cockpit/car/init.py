@@ -38,6 +38,7 @@ class Like(StrEnum):
 
     SHUTTLE = "shuttle"
     RC_CAR = "rc-car"
+    MINI = "mini"
     SIM = "sim"
 
 
