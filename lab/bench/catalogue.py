@@ -153,6 +153,10 @@ BENCHMARKS = {
     "follow-detector": Benchmark("follow.detector", "recall and precision of the lead detector"),
     "follow-runs": Benchmark("follow.runs", "1000 cases of following with a modelled detector"),
     "follow-rendered": Benchmark("follow.runs", "40 cases of following with rendered images"),
+    "tracks": Benchmark(
+        "tracks",
+        "laps on small taped tracks: bends of 1.5 to 3 lane widths, ten tapes and floors; departures, speed",
+    ),
     "people": Benchmark(
         "people.bench",
         "people, cyclists and animals that step out, stand aside, ride ahead; their detector on real pictures",
