@@ -56,13 +56,14 @@ def bench(
         str,
         typer.Option(
             help="perception: names, separated by commas; default: all. real: beside cv and cnn; also: all."
+            " tracks: instead of tape."
         ),
     ] = "",
     quick: Annotated[
         bool,
         typer.Option(
-            help="perception, real, imitation, fear-severity, sight, people: a part of it; fear-supervision: the"
-            " supervised car alone."
+            help="perception, real, imitation, fear-severity, sight, people, tracks: a part of it;"
+            " fear-supervision: the supervised car alone."
         ),
     ] = False,
     repeats: Annotated[
@@ -72,7 +73,7 @@ def bench(
         int | None,
         typer.Option(
             min=1,
-            help="perception, imitation, fear-severity, sight, within-sight, people: processes; "
+            help="perception, imitation, fear-severity, sight, within-sight, people, tracks: processes; "
             "faults: drives; default: 1.",
         ),
     ] = None,

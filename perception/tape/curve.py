@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.tape.floor import TapePoints
+from perception.tape.roles import VotingPoints
 from perception.tape.settings import CurveSettings
 from trepid.clothoid import Lane, chord
 from trepid.messages import SIGMA_AHEAD_M
@@ -167,9 +168,9 @@ def arc_lane(
 class CurveFit:
     """Fits lanes to points."""
 
-    def __init__(self, settings: CurveSettings, width_m: float) -> None:
-        """``width_m``: the usual width of the lanes."""
-        self._settings, self._width_m = settings, width_m
+    def __init__(self, settings: CurveSettings, width_m: float, *, aside: float = 0.5) -> None:
+        """``width_m``: the usual width of the lanes; ``aside``: the lines from their middle, by it."""
+        self._settings, self._width_m, self._aside = settings, width_m, aside
         self._prior = self._shape_information()
 
     def _shape_information(self) -> Array:
@@ -188,8 +189,8 @@ class CurveFit:
             information += np.outer(change, change) / sigma**2
         return information
 
-    def fit(self, start: LaneCurve, points: TapePoints, weight: Array, *, tracked: bool) -> LaneCurve:
-        """The lane near ``start`` that fits the points (n,) with the weights (n,) best.
+    def fit(self, start: LaneCurve, voting: VotingPoints, *, tracked: bool) -> LaneCurve:
+        """The lane near ``start`` that fits the points best.
 
         ``tracked``: ``start`` is the prediction from the frame before, which counts as a measurement.
         """
@@ -202,12 +203,12 @@ class CurveFit:
         for scale_m in settings.scales_m:
             for _ in range(STEPS):
                 drawn = lane.draw()
-                placed = lane.place(points, drawn, settings.slant_rad)
-                side = np.sign(placed.left_m)
-                off_m = placed.left_m - side * lane.p[WIDTH] / 2
-                share = placed.beside * weight / (1 + (off_m / scale_m) ** 2) ** 2
+                placed = lane.place(voting.points, drawn, settings.slant_rad)
+                side = self._aside * np.sign(placed.left_m)
+                off_m = placed.left_m - side * lane.p[WIDTH]
+                share = placed.beside * voting.weight(placed.left_m) / (1 + (off_m / scale_m) ** 2) ** 2
                 slope = lane.gradient(drawn)[placed.station]
-                slope[:, WIDTH] = -side / 2
+                slope[:, WIDTH] = -side
                 weighted = slope * (share / settings.point_sigma_m**2)[:, None]
                 normal = weighted.T @ slope + self._prior + trust
                 pull = weighted.T @ off_m + self._prior @ (lane.p - usual) + trust @ (lane.p - start.p)

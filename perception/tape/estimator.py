@@ -19,9 +19,10 @@ from perception.lane.model.geometry import distances
 from perception.lane.model.prediction import VehicleMotion
 from perception.lane.view import as_bgr, unusable
 from perception.tape.curve import STEP_M, CurveFit, LaneCurve, arc_lane
-from perception.tape.floor import FloorRaster, TapePoints
+from perception.tape.floor import FloorRaster
 from perception.tape.memory import THIN_M, LineMemory
 from perception.tape.paths import boundary_pixels
+from perception.tape.roles import VotingPoints
 from perception.tape.settings import TapeSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle, road_wheel_angle
@@ -32,6 +33,8 @@ from trepid.types import Array
 NAME = "tape"
 MAX_GAP_S = 1.0  # between frames, over which lines and lane are remembered
 ON_M = 0.35  # of a line beside its boundary
+LEAST = 8  # points of a lane
+SEARCHED = 1.6  # of near_m, up to which lines count in the search
 BEHIND_M = 1.0  # lines behind the axle up to here count as near
 
 
@@ -58,7 +61,7 @@ class TapeLane:
         self._settings, self._line_m, self._vehicle = settings, line_m, vehicle
         self._raster = FloorRaster(camera, settings.floor, line_m)
         self._memory = LineMemory(settings.memory)
-        self._fit = CurveFit(settings.curve, REFERENCE_LANE_M)
+        self._fit = CurveFit(settings.curve, REFERENCE_LANE_M, aside=settings.lane.aside)
         self._arcs = _arcs(settings)
         self._lane: LaneCurve | None = None
         self._t_s = -math.inf
@@ -76,11 +79,11 @@ class TapeLane:
             return self._nothing(frame.t_s, "the image shows no floor")
         self._move(frame.t_s, VehicleMotion.of(state))
         points = self._memory.update(self._raster.points(as_bgr(frame.image)), self._raster)
-        weight = np.where(points.way_m > 0, 0.5, 1.0)
-        self._choose(points, weight)
+        voting = VotingPoints.of(points, self._settings.lane)
+        self._choose(voting)
         if self._lane is None:
             return self._nothing(frame.t_s, "no lines of a lane found")
-        return self._estimate(frame.t_s, points)
+        return self._estimate(frame.t_s, voting)
 
     def _move(self, t_s: float, motion: VehicleMotion) -> None:
         """Lane and lines at ``t_s``; nothing is remembered after a jump in time, nor without speed and yaw rate."""
@@ -97,29 +100,31 @@ class TapeLane:
             if self._unseen_m > self._settings.sure.forget_m:
                 self._lane, self._looks, self._sure = None, 0, 0.0
 
-    def _choose(self, points: TapePoints, weight: Array) -> None:
+    def _choose(self, voting: VotingPoints) -> None:
         """The tracked lane; where there is none, or it is unsure, the best of the search if it has more line."""
         least = self._settings.sure.least
-        kept = None if self._lane is None else self._fit.fit(self._lane, points, weight, tracked=True)
+        kept = None if self._lane is None else self._fit.fit(self._lane, voting, tracked=True)
         if kept is not None and self._sure >= least:
             self._lane = kept
             return
-        most = -math.inf if kept is None else self._evidence(kept, points).votes
-        for start in self._search(points, weight):
-            found = self._fit.fit(start, points, weight, tracked=False)
-            votes = self._evidence(found, points).votes - _strangeness(found)
+        most = -math.inf if kept is None else self._evidence(kept, voting).votes
+        for start in self._search(voting):
+            found = self._fit.fit(start, voting, tracked=False)
+            votes = self._evidence(found, voting).votes - _strangeness(found)
             if votes > max(most, 0.0) + (1.0 if kept is not None else 0.0):
                 self._lane, kept, most, self._looks = found, found, votes, 0
         self._lane = kept
 
-    def _search(self, points: TapePoints, weight: Array) -> list[LaneCurve]:
+    def _search(self, voting: VotingPoints) -> list[LaneCurve]:
         """The arcs with most line on their boundaries, clearly different ones."""
-        if len(points.x_m) < 8:
+        points, arcs = voting.points, self._arcs
+        if len(points.x_m) < LEAST:
             return []
-        arcs = self._arcs
-        off_m = np.abs(distances(points.x_m, points.y_m, arcs)) - REFERENCE_LANE_M / 2
-        ahead = np.hypot(points.x_m, points.y_m) < 1.6 * self._settings.sure.near_m
-        votes = (1 / (1 + (off_m / ON_M) ** 2) ** 2) @ (weight * ahead) * THIN_M
+        left_m = distances(points.x_m, points.y_m, arcs)
+        off_m = np.abs(left_m) - self._settings.lane.aside * REFERENCE_LANE_M
+        ahead = np.hypot(points.x_m, points.y_m) < SEARCHED * self._settings.sure.near_m
+        alike = voting.weight(left_m) / (1 + (off_m / ON_M) ** 2) ** 2
+        votes = alike @ ahead * THIN_M
         votes -= 0.5 * ((arcs[:, 0] / 0.8) ** 2 + (arcs[:, 1] / 0.4) ** 2 + (arcs[:, 2] / 0.2) ** 2)
         found: list[Array] = []
         for number in np.argsort(-votes):
@@ -139,24 +144,25 @@ class TapeLane:
             for e, psi, kappa, *_ in found
         ]
 
-    def _evidence(self, lane: LaneCurve, points: TapePoints) -> Evidence:
+    def _evidence(self, lane: LaneCurve, voting: VotingPoints) -> Evidence:
         """The lengths of line on and between the boundaries of ``lane`` near the car."""
         settings, drawn, table = self._settings, lane.draw(), lane.table
-        placed = lane.place(points, drawn, settings.curve.slant_rad)
+        placed = lane.place(voting.points, drawn, settings.curve.slant_rad)
+        aside_m = settings.lane.aside * lane.width_m
         s_m = table.fine_m[placed.station]
         near = placed.beside & (s_m > -BEHIND_M) & (s_m < settings.sure.near_m)
-        on = near & (np.abs(np.abs(placed.left_m) - lane.width_m / 2) < ON_M)
-        now = points.way_m == 0
+        on = near & (np.abs(np.abs(placed.left_m) - aside_m) < ON_M) & (voting.weight(placed.left_m) > 0)
+        now = voting.points.way_m == 0
         lengths = [
             STEP_M * len(np.unique(placed.station[on & part & (sign * placed.left_m > 0)]))
             for part in (now, ~now)
             for sign in (1.0, -1.0)
         ]
-        inside = near & now & (np.abs(placed.left_m) < lane.width_m / 2 - 2 * ON_M)
+        inside = near & now & (np.abs(placed.left_m) < aside_m - 2 * ON_M)
         visible_m = 0.0
         part = (table.fine_m > -BEHIND_M) & (table.fine_m < settings.sure.near_m)
         for sign in (1.0, -1.0):
-            side = drawn.centre[part] + sign * 1j * lane.width_m / 2 * drawn.along[part]
+            side = drawn.centre[part] + sign * 1j * aside_m * drawn.along[part]
             visible_m += STEP_M * np.count_nonzero(self._raster.sees(side.real, side.imag))
         return Evidence(
             seen_m=(lengths[0], lengths[1]),
@@ -165,15 +171,16 @@ class TapeLane:
             inside_m=STEP_M * len(np.unique(placed.station[inside])),
         )
 
-    def _estimate(self, t_s: float, points: TapePoints) -> SteeringEstimate:
+    def _estimate(self, t_s: float, voting: VotingPoints) -> SteeringEstimate:
         lane, sure = self._lane, self._settings.sure
         assert lane is not None
-        evidence = self._evidence(lane, points)
+        evidence = self._evidence(lane, voting)
         gradient = lane.gradient(lane.draw())
         seen_m = sum(evidence.seen_m)
         if seen_m >= 2 * STEP_M:
             self._looks, self._unseen_m = min(self._looks + 1, sure.looks), 0.0
         sides = sum(length >= 2 * STEP_M for length in evidence.seen_m)
+        sides = sides if self._settings.lane.aside else min(sides, 1)
         line = min(1.0, (seen_m + evidence.remembered_m) / sure.line_m)
         share = min(1.0, seen_m / max(sure.share * evidence.visible_m, STEP_M)) if evidence.visible_m else 1.0
         clear = (seen_m + evidence.remembered_m) / max(

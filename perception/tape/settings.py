@@ -1,11 +1,39 @@
 """``config/tape.yaml``."""
 
+from enum import StrEnum
 from typing import Annotated
 
 from pydantic import Field
 
 from trepid.config import Settings
 from trepid.types import NonNegative, Positive, PositiveShare
+
+
+class Lines(StrEnum):
+    """Where the lines of a lane lie."""
+
+    BOTH = "both"  # on its two sides
+    MIDDLE = "middle"  # one, in its middle: the car follows it
+
+
+class YellowSide(StrEnum):
+    """The side on which yellow lines bound the lane."""
+
+    ANY = "any"
+    LEFT = "left"
+    RIGHT = "right"
+
+
+class RoleSettings(Settings):
+    """Section ``lane``: the lines of the track."""
+
+    lines: Lines
+    yellow: YellowSide
+
+    @property
+    def aside(self) -> float:
+        """Distance of the lines from the middle of the lane, by its width."""
+        return 0.5 if self.lines is Lines.BOTH else 0.0
 
 
 class FloorSettings(Settings):
@@ -79,6 +107,7 @@ class TapeSettings(Settings):
     """``config/tape.yaml``."""
 
     lookahead_m: Positive
+    lane: RoleSettings
     floor: FloorSettings
     memory: MemorySettings
     curve: CurveSettings

@@ -103,6 +103,9 @@ class Section(Settings):
     start_m: NonNegative
     left: Marking = Marking(stroke=Stroke.DASHED)  # on the left edge of the lane
     right: Marking = Marking()  # on the right edge of the lane
+    middle: Marking = Marking(
+        stroke=Stroke.NONE
+    )  # in the middle of the lane: a single line that a car follows
     far_left: Marking = Marking(stroke=Stroke.NONE)  # of one left lane, which lies on paved_left_m
     # Constant, or (at the start, at the end); None: that of the road.
     lane_width_m: LaneWidth | tuple[LaneWidth, LaneWidth] | None = None

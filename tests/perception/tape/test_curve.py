@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from perception.tape.curve import BENDS, PSI, WIDTH, CurveFit, E, LaneCurve, arc_lane
 from perception.tape.floor import TapePoints
+from perception.tape.roles import VotingPoints
 from perception.tape.settings import TapeSettings
 from trepid.config import CONFIG_DIR, load
 
@@ -19,6 +20,11 @@ WIDTH_M = 3.3
 
 def arc(bend_1pm: float, offset_m: float = 0.0, heading_rad: float = 0.0) -> LaneCurve:
     return arc_lane(SETTINGS, offset_m=offset_m, heading_rad=heading_rad, bend_1pm=bend_1pm, width_m=WIDTH_M)
+
+
+def evenly(points: TapePoints) -> VotingPoints:
+    """The points, of which each may lie on either side."""
+    return VotingPoints(points, np.ones(len(points.x_m)), np.ones(len(points.x_m)))
 
 
 def line_points(
@@ -49,7 +55,7 @@ def test_one_line_of_a_bend_gives_the_lane_when_the_width_is_known(bend_1pm: flo
     """From a start 0.4 m aside and 0.15 rad askew, on a straight lane."""
     points = line_points(bend_1pm, side, 0.0, 9.0, offset_m=0.3)
     start = arc(0.1 * bend_1pm, offset_m=-0.1, heading_rad=0.15)
-    found = CurveFit(SETTINGS, WIDTH_M).fit(start, points, np.ones(len(points.x_m)), tracked=False)
+    found = CurveFit(SETTINGS, WIDTH_M).fit(start, evenly(points), tracked=False)
     sigma = np.sqrt(np.diag(found.covariance))
     assert found.p[E] == pytest.approx(0.3, abs=sigma[E]) and sigma[E] < 0.15
     assert found.p[PSI] == pytest.approx(0.0, abs=2 * sigma[PSI]) and sigma[PSI] < 0.12
@@ -62,7 +68,7 @@ def test_two_lines_measure_the_width() -> None:
     left, right = line_points(0.1, 1.0, -2.0, 7.0), line_points(0.1, -1.0, -2.0, 7.0)
     wider = right._replace(x_m=right.x_m, y_m=right.y_m - 0.2 * np.cos(right.course_rad))
     points = left.joined(wider)
-    found = CurveFit(SETTINGS, WIDTH_M).fit(arc(0.1), points, np.ones(len(points.x_m)), tracked=True)
+    found = CurveFit(SETTINGS, WIDTH_M).fit(arc(0.1), evenly(points), tracked=True)
     assert WIDTH_M + 0.1 < found.width_m < WIDTH_M + 0.25
 
 
@@ -117,7 +123,7 @@ def test_a_line_across_the_lane_counts_for_no_boundary() -> None:
 
 def test_what_is_not_seen_is_less_certain_the_farther_ahead_it_lies() -> None:
     points = line_points(0.1, -1.0, 0.0, 4.0)
-    found = CurveFit(SETTINGS, WIDTH_M).fit(arc(0.1), points, np.ones(len(points.x_m)), tracked=True)
+    found = CurveFit(SETTINGS, WIDTH_M).fit(arc(0.1), evenly(points), tracked=True)
     sigmas = found.ahead_sigma_m(found.gradient(found.draw()))
     assert list(sigmas[1:]) == sorted(sigmas[1:]) and sigmas[1] < 0.3 < sigmas[3]
     assert len(found.p) == BENDS + len(SETTINGS.stations_m)

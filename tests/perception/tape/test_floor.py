@@ -31,7 +31,9 @@ FINE = 8  # the image is drawn so many times larger and then reduced
 
 
 def floor_with(
-    *patches: tuple[np.ndarray, tuple[int, int, int]], floor=(120, 120, 120), seed: int = 0
+    *patches: tuple[np.ndarray, tuple[int, int, int]],
+    floor: tuple[int, int, int] = (120, 120, 120),
+    seed: int = 0,
 ) -> np.ndarray:
     """An image of a floor with polygons of road points (n, 2) [m] in colours, and sensor noise."""
     large = CAMERA.resize(FINE * CAMERA.width_px, FINE * CAMERA.height_px)

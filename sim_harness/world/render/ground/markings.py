@@ -54,6 +54,7 @@ def lines_of(section: Section, lane_width_m: float) -> list[Line]:
     lines = [
         Line(section.left, left, None if lefts else Side.LEFT),
         Line(section.right, (-left[0], -left[1]), None if rights else Side.RIGHT),
+        Line(section.middle, (0.0, 0.0)),
     ]
     for side, sign, lanes in ((Side.LEFT, 1, lefts), (Side.RIGHT, -1, rights)):
         for number, lane in enumerate(lanes, start=1):
