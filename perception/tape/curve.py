@@ -64,14 +64,14 @@ def stations(at_m: tuple[float, ...]) -> Stations:
     return Stations(nodes, fine_m, count_behind, bend, np.asarray(table.from_axle(bend), float))
 
 
-class Drawn(NamedTuple):
+class DrawnLane(NamedTuple):
     """The lane at the fine stations: centre and unit direction, as x + iy."""
 
     centre: Complex
     along: Complex
 
 
-class Placed(NamedTuple):
+class PlacedPoints(NamedTuple):
     """Points relative to a lane."""
 
     station: NDArray[np.intp]  # index of the nearest fine station
@@ -95,14 +95,14 @@ class LaneCurve:
     def width_m(self) -> float:
         return float(self.p[WIDTH])
 
-    def draw(self) -> Drawn:
+    def draw(self) -> DrawnLane:
         """Centre and direction at the fine stations."""
         table, psi = self.table, float(self.p[PSI])
         along = np.exp(1j * (table.turn @ self.p[BENDS:] - psi))
         start = -1j * self.p[E] * cmath.exp(-1j * psi)
-        return Drawn(start + table.from_axle(along), along)
+        return DrawnLane(start + table.from_axle(along), along)
 
-    def place(self, points: TapePoints, drawn: Drawn, slant_rad: float) -> Placed:
+    def place(self, points: TapePoints, drawn: DrawnLane, slant_rad: float) -> PlacedPoints:
         """The points beside the lane; those of lines that are askew by more than ``slant_rad`` are not."""
         at = points.x_m + 1j * points.y_m
         apart = at[:, None] - drawn.centre
@@ -110,9 +110,9 @@ class LaneCurve:
         rest = apart[np.arange(len(at)), station] * np.conj(drawn.along[station])
         askew = np.abs(np.sin(points.course_rad - np.angle(drawn.along[station])))
         beside = (np.abs(rest.real) <= STEP_M) & (askew < math.sin(slant_rad))
-        return Placed(station, rest.imag, beside)
+        return PlacedPoints(station, rest.imag, beside)
 
-    def gradient(self, drawn: Drawn) -> Array:
+    def gradient(self, drawn: DrawnLane) -> Array:
         """∂d/∂p at the fine stations without the part of the width, (m, 3 + n): minus the shift of the centre."""
         table = self.table
         shift = np.empty((len(table.fine_m), len(self.p)), np.complex128)
@@ -122,7 +122,7 @@ class LaneCurve:
         shift[:, BENDS:] = table.from_axle(1j * table.turn * drawn.along[:, None])
         return np.asarray(-(shift * np.conj(drawn.along)[:, None]).imag, float)
 
-    def moved(self, way_m: float, turned_rad: float) -> Self:
+    def after(self, way_m: float, turned_rad: float) -> Self:
         """The lane in the frame of the vehicle after an arc of ``way_m`` that turned by ``turned_rad``."""
         drawn, table = self.draw(), self.table
         here = complex(*chord(way_m, turned_rad))

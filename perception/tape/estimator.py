@@ -75,7 +75,7 @@ class TapeLane:
         if (self._raster.camera.width_px, self._raster.camera.height_px) != (width_px, height_px):
             camera = self._raster.camera.resize(width_px, height_px)
             self._raster = FloorRaster(camera, self._settings.floor, self._line_m)
-        if not self._raster.seen.any():
+        if not self._raster.inside_image.any():
             return self._nothing(frame.t_s, "the image shows no floor")
         self._move(frame.t_s, VehicleMotion.of(state))
         points = self._memory.update(self._raster.points(as_bgr(frame.image)), self._raster)
@@ -95,7 +95,7 @@ class TapeLane:
         way_m, turned_rad = motion.speed_mps * dt_s, motion.yaw_rate_radps * dt_s
         self._memory.move(way_m, turned_rad)
         if self._lane is not None:
-            self._lane = self._lane.moved(way_m, turned_rad)
+            self._lane = self._lane.after(way_m, turned_rad)
             self._unseen_m += abs(way_m)
             if self._unseen_m > self._settings.sure.forget_m:
                 self._lane, self._looks, self._sure = None, 0, 0.0

@@ -46,7 +46,7 @@ class TapePoints(NamedTuple):
         """The points selected by the mask ``kept``."""
         return TapePoints._make(column[kept] for column in self)
 
-    def joined(self, other: "TapePoints") -> "TapePoints":
+    def plus(self, other: "TapePoints") -> "TapePoints":
         """These points and then those of ``other``."""
         return TapePoints._make(np.concatenate(pair) for pair in zip(self, other, strict=True))
 
@@ -90,18 +90,20 @@ class FloorRaster:
         return pixels.reshape(*x_m.shape, 2)
 
     @cached_property
-    def seen(self) -> Mask:
+    def inside_image(self) -> Mask:
         """Cells inside the image, shape (rows, columns)."""
         u, v = np.moveaxis(self._pixels, 2, 0)
         inside = (u > MARGIN_PX) & (u < self.camera.width_px - 1 - MARGIN_PX)
         return np.asarray(inside & (v > MARGIN_PX) & (v < self.camera.height_px - 1 - MARGIN_PX))
 
     @cached_property
-    def _searched(self) -> Mask:
+    def _searched_cells(self) -> Mask:
         """Cells whose neighbours across a line are inside the image, too."""
         size = 2 * round((ASIDE * self.line_m + self._sigma_m) / self.settings.cell_m) + 1
         kernel = np.ones((size, size), np.uint8)
-        eroded = cv2.erode(self.seen.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+        eroded = cv2.erode(
+            self.inside_image.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0
+        )
         return np.asarray(eroded > 0)
 
     @cached_property
@@ -121,15 +123,15 @@ class FloorRaster:
         column = np.rint((y_m - self.y_m[0]) / cell_m).astype(int)
         inside = (row >= 0) & (row < len(self.x_m)) & (column >= 0) & (column < len(self.y_m))
         found = np.zeros(len(x_m), bool)
-        found[inside] = self._searched[row[inside], column[inside]]
+        found[inside] = self._searched_cells[row[inside], column[inside]]
         return found
 
     def points(self, image: Image) -> TapePoints:
         """The middles of all lines in a BGR ``image``, at most ``most_points`` of them, spread evenly."""
         raster = cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         planes = _smooth_planes(np.asarray(raster, np.uint8), self._sigma_m / self.settings.cell_m)
-        ridges = _ridges(planes, self._searched)
-        rows, columns = np.nonzero((ridges.strength > self.settings.least_sigmas) & self._searched)
+        ridges = _ridges(planes, self._searched_cells)
+        rows, columns = np.nonzero((ridges.strength > self.settings.least_sigmas) & self._searched_cells)
         across = ridges.across(rows, columns)
         crests = _are_crests(ridges.strength, rows, columns, across)
         rows, columns, across = rows[crests], columns[crests], across[crests]

@@ -35,7 +35,7 @@ class LineMemory:
         """``seen`` in place of what was remembered where ``raster`` shows the floor; all of it is returned."""
         old = self.points.where(~raster.sees(self.points.x_m, self.points.y_m))
         old = old.where(np.arange(len(old.x_m)) >= len(old.x_m) - self._settings.most_points)
-        self.points = old.joined(thin(seen))
+        self.points = old.plus(thin(seen))
         return self.points
 
 

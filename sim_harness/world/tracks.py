@@ -18,7 +18,7 @@ TAPE = 0.11  # width of the tape, in lane widths: 24 mm on lanes of 0.22 m
 DASH, GAP = 0.23, 0.11  # of a dashed line, in lane widths: 50 and 25 mm (Duckietown)
 
 
-class Look(NamedTuple):
+class TrackLook(NamedTuple):
     """Tape and floor."""
 
     floor: Verge
@@ -28,24 +28,24 @@ class Look(NamedTuple):
     window_light: float = 0.0
 
 
-LOOKS: Mapping[str, Look] = MappingProxyType(
+LOOKS: Mapping[str, TrackLook] = MappingProxyType(
     {
-        "white_on_mat": Look(Verge.MAT, Paint.WHITE, Paint.WHITE),
-        "yellow_on_mat": Look(Verge.MAT, Paint.YELLOW, Paint.YELLOW),
-        "duckie": Look(Verge.MAT, Paint.YELLOW, Paint.WHITE, dashed_left=True),
-        "white_on_wood": Look(Verge.WOOD, Paint.WHITE, Paint.WHITE, window_light=0.5),
-        "blue_on_wood": Look(Verge.WOOD, Paint.BLUE, Paint.BLUE),
-        "black_on_wood": Look(Verge.WOOD, Paint.BLACK, Paint.BLACK),
-        "black_on_light": Look(Verge.LIGHT_FLOOR, Paint.BLACK, Paint.BLACK, window_light=0.5),
-        "blue_on_light": Look(Verge.LIGHT_FLOOR, Paint.BLUE, Paint.BLACK),
-        "white_on_carpet": Look(Verge.CARPET, Paint.WHITE, Paint.WHITE),
-        "yellow_on_carpet": Look(Verge.CARPET, Paint.YELLOW, Paint.WHITE),
+        "white_on_mat": TrackLook(Verge.MAT, Paint.WHITE, Paint.WHITE),
+        "yellow_on_mat": TrackLook(Verge.MAT, Paint.YELLOW, Paint.YELLOW),
+        "duckie": TrackLook(Verge.MAT, Paint.YELLOW, Paint.WHITE, dashed_left=True),
+        "white_on_wood": TrackLook(Verge.WOOD, Paint.WHITE, Paint.WHITE, window_light=0.5),
+        "blue_on_wood": TrackLook(Verge.WOOD, Paint.BLUE, Paint.BLUE),
+        "black_on_wood": TrackLook(Verge.WOOD, Paint.BLACK, Paint.BLACK),
+        "black_on_light": TrackLook(Verge.LIGHT_FLOOR, Paint.BLACK, Paint.BLACK, window_light=0.5),
+        "blue_on_light": TrackLook(Verge.LIGHT_FLOOR, Paint.BLUE, Paint.BLACK),
+        "white_on_carpet": TrackLook(Verge.CARPET, Paint.WHITE, Paint.WHITE),
+        "yellow_on_carpet": TrackLook(Verge.CARPET, Paint.YELLOW, Paint.WHITE),
     }
 )
 """Ten tapes and floors, by name."""
 
 
-def taped_track(name: str, look: Look, *, lane_width_m: float, bend: float) -> RoadSettings:
+def taped_track(name: str, look: TrackLook, *, lane_width_m: float, bend: float) -> RoadSettings:
     """An oval of straights and bends with the radius ``bend``, in lane widths, + = to the left.
 
     Its closure is exact: both halves are equal and turn by π.
@@ -68,7 +68,7 @@ def taped_track(name: str, look: Look, *, lane_width_m: float, bend: float) -> R
     )
 
 
-def _section(look: Look, lane_width_m: float) -> Section:
+def _section(look: TrackLook, lane_width_m: float) -> Section:
     width_m = TAPE * lane_width_m
     dashes = {"dash_m": DASH * lane_width_m, "gap_m": GAP * lane_width_m}
     stroke = {"stroke": Stroke.DASHED, **dashes} if look.dashed_left else {"stroke": Stroke.SOLID}

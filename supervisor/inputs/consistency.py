@@ -30,7 +30,7 @@ DRIFT_M = 3.0  # of way between the frames compared for the drift: a third of th
 DRIFT_S = 1.0  # for which it counts: at 3 m/s and more until the next one
 KNOWN_M = 0.05  # jump of the network on roads like its training data ...
 KNOWN_SHARE = 0.2  # ... and its weight before the first jump
-AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle, or nearer: _compared_m
+AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle, or nearer: _comparison_m
 LONGEST_S = 0.3  # longest time between two compared estimates; as fresh_s, the age of a usable estimate
 EDGES_M = 20.0  # patches of snow are some metres long; a comfort stop from 8 m/s takes 16 m
 LONG_UNMARKED_M = 30.0  # longer than any gap between dashes, which is 12 m on motorways
@@ -146,7 +146,7 @@ class Consistency:
         if s.lane is not None and track is None:
             track = _Track(s.t_s, s.lane, RunningMean(0.0), _PathJitter(s.lane), _Drift(s.lane))
         elif s.lane is not None and track is not None and s.t_s != track.t_s:
-            track = track.after(s.lane, s.t_s, motion, _compared_m(s))
+            track = track.after(s.lane, s.t_s, motion, _comparison_m(s))
         if track is None:
             return Steadiness(0.0, KNOWN_M)
         self._tracks[s.estimator] = track
@@ -156,7 +156,7 @@ class Consistency:
         return Steadiness(jitter_m, math.sqrt(track.path_jitter.square_m2.mean))
 
 
-def _compared_m(s: ValidatedEstimate) -> float:
+def _comparison_m(s: ValidatedEstimate) -> float:
     """Where the lanes of an estimator are compared: AHEAD_M, or its look-ahead, where its lane is stated."""
     return at_most(AHEAD_M, s.lookahead_m)
 

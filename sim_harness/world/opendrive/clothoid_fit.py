@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from pydantic import ValidationError
 
-from sim_harness.world.roads.road import Segment
+from sim_harness.world.roads.road import TIGHTEST_1PM, Segment
 from trepid.config import InputError
 
 TOLERANCE_M = 1e-4  # a tenth of the error allowed between export and import
@@ -65,8 +65,10 @@ def fit(spans: Sequence[FittedCurve], *, closed: bool) -> list[list[Segment]]:
     for span, first_knot, last_knot in zip(spans, knots, knots[1:], strict=False):
         try:
             fitted.append(_span(span, first_knot, last_knot))
-        except ValidationError as error:  # too long or too sharp for a segment
+        except ValidationError as error:  # too long for a segment
             raise NoFit(span) from error
+        if any(segment.tightest_1pm > TIGHTEST_1PM for segment in fitted[-1]):
+            raise NoFit(span)
     return _continuous(fitted, closed=closed)
 
 

@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 from numpy.polynomial import Polynomial
 
 from sim_harness.world.opendrive.located_xml import Element
-from sim_harness.world.roads.road import GAUSS
+from sim_harness.world.roads.road import GAUSS, TIGHTEST_1PM
 
 QUADRATURE_STEP_M = 0.5  # three-point Gauss-Legendre: 1e-9 m per kilometre for radii above 5 m
 PARAMETER_STEPS = 6
 MAX_LENGTH_M = 1e5  # of one geometry
-MAX_CURVATURE_1PM = 1.0
 JOINT_M, JOINT_RAD = 0.01, 0.01  # gaps of files written with few digits
 SLIVER_M = 0.02  # a shorter piece, from rounding or from an editor, belongs to its neighbours
 LENGTH_ROUNDING_M = 1e-3  # of a difference of two stations
@@ -182,10 +181,10 @@ def _shape(element: Element, length_m: float) -> Shape:
     if element.tag == "line":
         return Clothoid(0.0)
     if element.tag == "arc":
-        return Clothoid(element.number("curvature", max_magnitude=MAX_CURVATURE_1PM))
+        return Clothoid(element.number("curvature", max_magnitude=TIGHTEST_1PM))
     if element.tag == "spiral":
-        start = element.number("curvStart", max_magnitude=MAX_CURVATURE_1PM)
-        end = element.number("curvEnd", max_magnitude=MAX_CURVATURE_1PM)
+        start = element.number("curvStart", max_magnitude=TIGHTEST_1PM)
+        end = element.number("curvEnd", max_magnitude=TIGHTEST_1PM)
         return Clothoid(start, (end - start) / length_m)
     if element.tag == "poly3":
         return Cubic(Polynomial([0.0, 1.0]), Polynomial([element.number(name) for name in "abcd"]), None)

@@ -31,7 +31,7 @@ from sim_harness.world.opendrive.lane_table import (
     records,
 )
 from sim_harness.world.opendrive.located_xml import Element, read_xml
-from sim_harness.world.opendrive.plan_view import MAX_CURVATURE_1PM, SLIVER_M, Clothoid, Piece, plan_view
+from sim_harness.world.opendrive.plan_view import SLIVER_M, Clothoid, Piece, plan_view
 from sim_harness.world.opendrive.sections import (
     CrossSection,
     Profile,
@@ -41,7 +41,14 @@ from sim_harness.world.opendrive.sections import (
     user_data,
 )
 from sim_harness.world.roads.appearance import Section
-from sim_harness.world.roads.road import CLOSED_WITHIN_M, CLOSED_WITHIN_RAD, Road, RoadSettings, Segment
+from sim_harness.world.roads.road import (
+    CLOSED_WITHIN_M,
+    CLOSED_WITHIN_RAD,
+    TIGHTEST_1PM,
+    Road,
+    RoadSettings,
+    Segment,
+)
 from trepid.config import InputError
 
 SAME_STATION_M = 1e-6
@@ -222,8 +229,8 @@ class _LaneReader:
                 return lane.error(f"the middle of this lane jumps by {jump_m:.3g} m at s = {there.start:g} m")
         bends = ((abs(each.at(s).curvature_1pm), s, each) for each in spans for s in _places(each))
         sharpest_1pm, station_m, bent = max(bends, key=lambda bend: bend[0])
-        if sharpest_1pm > MAX_CURVATURE_1PM:
-            radius_m, least_m = 1 / sharpest_1pm, 1 / MAX_CURVATURE_1PM
+        if sharpest_1pm > TIGHTEST_1PM:
+            radius_m, least_m = 1 / sharpest_1pm, 1 / TIGHTEST_1PM
             what, span = f"the lane bends with R = {radius_m:.2g} m, and no road below {least_m:g} m", bent
         else:
             station_m = span.start

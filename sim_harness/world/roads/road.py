@@ -59,6 +59,11 @@ class Segment(Settings):
     def end_curvature_1pm(self) -> float:
         return self.curvature_1pm[1] if isinstance(self.curvature_1pm, tuple) else self.curvature_1pm
 
+    @property
+    def tightest_1pm(self) -> float:
+        """Greatest magnitude of the curvature [1/m]."""
+        return max(abs(self.start_curvature_1pm), abs(self.end_curvature_1pm))
+
 
 def _is_part(some: Sequence[float], others: Sequence[float]) -> bool:
     """Whether all of ``some`` are among ``others``, in their order."""
@@ -102,12 +107,11 @@ class RoadSettings(Settings):
     def _can_be_driven(self) -> Self:
         most_1pm = TIGHTEST_1PM / self.scale
         for number, segment in enumerate(self.segments):
-            tightest_1pm = max(abs(segment.start_curvature_1pm), abs(segment.end_curvature_1pm))
-            if tightest_1pm > most_1pm:
-                raise wrong_at(
-                    ("segments", number, "curvature_1pm"),
-                    f"{tightest_1pm:g} 1/m is tighter than {most_1pm:g} 1/m, the tightest bend of its lanes",
+            if segment.tightest_1pm > most_1pm:
+                message = (
+                    f"{segment.tightest_1pm:g} 1/m is tighter than {most_1pm:g} 1/m, the most for such lanes"
                 )
+                raise wrong_at(("segments", number, "curvature_1pm"), message)
         return self
 
     @model_validator(mode="after")
@@ -239,10 +243,7 @@ class Road:
         profile = settings.elevation
         self.elevation = Elevation(profile, length_m=self.length_m, closed=self.closed) if profile else None
         self._table = _table(settings.segments, closed=settings.closed)
-        self.max_curvature_1pm = max(
-            max(abs(segment.start_curvature_1pm), abs(segment.end_curvature_1pm))
-            for segment in settings.segments
-        )
+        self.max_curvature_1pm = max(segment.tightest_1pm for segment in settings.segments)
         self._stations: list[float] = self._table[:, 0].tolist()
         self._intervals: list[list[float]] = self._table.tolist()
         if self.closed:
@@ -451,8 +452,7 @@ def _table(segments: tuple[Segment, ...], *, closed: bool) -> Array:
     starts = np.cumsum([0.0] + [segment.length_m for segment in segments])
     rows = []
     for segment, start in zip(segments, starts, strict=False):
-        tightest_1pm = max(abs(segment.start_curvature_1pm), abs(segment.end_curvature_1pm))
-        count = math.ceil(segment.length_m * max(1 / KNOT_STEP_M, tightest_1pm / KNOT_TURN_RAD))
+        count = math.ceil(segment.length_m * max(1 / KNOT_STEP_M, segment.tightest_1pm / KNOT_TURN_RAD))
         step = segment.length_m / count
         rate = (segment.end_curvature_1pm - segment.start_curvature_1pm) / segment.length_m
         rows += [

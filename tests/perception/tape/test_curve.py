@@ -67,7 +67,7 @@ def test_one_line_of_a_bend_gives_the_lane_when_the_width_is_known(bend_1pm: flo
 def test_two_lines_measure_the_width() -> None:
     left, right = line_points(0.1, 1.0, -2.0, 7.0), line_points(0.1, -1.0, -2.0, 7.0)
     wider = right._replace(x_m=right.x_m, y_m=right.y_m - 0.2 * np.cos(right.course_rad))
-    points = left.joined(wider)
+    points = left.plus(wider)
     found = CurveFit(SETTINGS, WIDTH_M).fit(arc(0.1), evenly(points), tracked=True)
     assert WIDTH_M + 0.1 < found.width_m < WIDTH_M + 0.25
 
@@ -83,7 +83,7 @@ def test_a_lane_moves_as_its_points_do(
     bend_1pm: float, offset_m: float, heading_rad: float, way_m: float, turned_rad: float
 ) -> None:
     lane = arc(bend_1pm, offset_m, heading_rad)
-    moved = lane.moved(way_m, turned_rad)
+    moved = lane.after(way_m, turned_rad)
     to = cmath.rect(way_m, turned_rad / 2)
     before = (lane.draw().centre[18:44] - to) * cmath.exp(-1j * turned_rad)
     apart = np.abs(before[:, None] - moved.draw().centre).min(axis=1)

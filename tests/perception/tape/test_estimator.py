@@ -26,10 +26,12 @@ Seen = list[tuple[float, float, SteeringEstimate]]
 
 
 @cache
-def lap(look: str, bend: float, aside_m: float = 0.0, *, to_m: float = 1.0, blind: bool = False) -> Seen:
+def lap(
+    look: str, bend: float, aside_m: float = 0.0, *, to_m: float = 1.0, blind: bool = False, gain: float = 1.0
+) -> Seen:
     """Station, true curvature and estimate up to ``to_m``, driven at a constant offset from the lane centre.
 
-    ``blind``: the vehicle reports no yaw rate.
+    ``blind``: the vehicle reports no yaw rate; ``gain``: of the speed and yaw rate that it reports.
     """
     road = Road(taped_track("oval", LOOKS[look], lane_width_m=LANE_M, bend=bend))
     with using_car(CONFIG_DIR / "cars" / "mini"):
@@ -44,9 +46,9 @@ def lap(look: str, bend: float, aside_m: float = 0.0, *, to_m: float = 1.0, blin
             image = renderer.render(x_m, y_m, road.heading_at(station_m), t_s=t_s, station_m=station_m)
             state = VehicleState(
                 t_s=t_s,
-                speed_mps=SPEED_MPS,
+                speed_mps=gain * SPEED_MPS,
                 road_wheel_angle_rad=math.atan(vehicle.wheelbase_m * own_1pm),
-                yaw_rate_radps=None if blind else SPEED_MPS * own_1pm,
+                yaw_rate_radps=None if blind else gain * SPEED_MPS * own_1pm,
                 driver_override=False,
             )
             estimate = estimator.step(Frame(t_s=t_s, image=image), state, now_s=t_s)
@@ -97,6 +99,11 @@ def test_tape_of_any_colour_gives_the_lane(look: str) -> None:
     seen = lap(look, 2.0)[5:]
     assert np.mean([estimate.confidence > 0.4 for _, _, estimate in seen]) > 0.9
     assert np.quantile([abs(offset_m(estimate)) for _, _, estimate in seen], 0.95) < 0.025
+
+
+def test_a_speed_and_a_yaw_rate_that_are_a_tenth_wrong_leave_the_lane_in_its_place() -> None:
+    seen = lap("white_on_mat", 1.5, to_m=BEND_AT_M + 1.5 * LANE_M * math.pi + 0.2, gain=0.9)[5:]
+    assert max(abs(offset_m(estimate)) for _, _, estimate in seen) < 0.025
 
 
 def test_without_a_yaw_rate_nothing_is_remembered() -> None:
@@ -168,3 +175,11 @@ def test_a_yellow_line_bounds_the_lane_on_its_side_alone() -> None:
         camera, vehicle, kept_left, {"left": YELLOW, "right": WHITE, "left_lanes": [{"marking": WHITE}]}
     )
     assert abs(offset_m(right) - 0.25) < 0.1
+
+
+@pytest.mark.parametrize("floor", ["wood", "light_floor"])
+def test_a_floor_without_lines_shows_no_lane(floor: str) -> None:
+    """Joints of planks and tiles, and the edges of patches of sun, are no lines."""
+    found = still(*enlarged(), {"left": NONE, "right": NONE, "verge": floor, "window_light": 1.0})
+    assert found.lateral_offset_m is None and found.confidence == 0.0
+    assert found.reason == "no lines of a lane found"
