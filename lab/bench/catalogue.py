@@ -154,7 +154,7 @@ BENCHMARKS = {
     "follow-runs": Benchmark("follow.runs", "1000 cases of following with a modelled detector"),
     "follow-rendered": Benchmark("follow.runs", "40 cases of following with rendered images"),
     "tracks": Benchmark(
-        "tracks",
+        "perception.tracks",
         "laps on small taped tracks: bends of 1.5 to 3 lane widths, ten tapes and floors; departures, speed",
     ),
     "people": Benchmark(

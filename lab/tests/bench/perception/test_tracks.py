@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.bench.tracks import BENDS, ESTIMATORS, Lap, scenario_of, summary
+from lab.bench.perception.tracks import BENDS, ESTIMATORS, Lap, scenario_of, summary
 from sim_harness.world.tracks import LOOKS
 from trepid.config import CONFIG_DIR, using_car
 
