@@ -4,6 +4,16 @@ One owner thus decides which boundaries are those of the own lane, fits and rate
 rest green, with the mixed colour where the mask is undecided, so that the edge of the road lies where the
 probability is one half. Lines are light ridges of two pixels along the crest of their mask, as light as they are
 probable. A mask marks a line some pixels wide at every distance, so that its crest, and not its width, is the line.
+
+**Faint lines.** A network states the probability of a pixel, and few pixels show lines. Where it is unsure of far
+dashes or of worn paint, it states some per mille, but still a hundred times as much as for the road beside them: a
+crest is a line far more often than its pixels are. With the probability p of the pixel, that of the crest is
+
+    σ(logit(p)/2 + 3/2)
+
+so that p = 0.005, 0.05 and 0.5 count as 0.2, 0.5 and 0.8. On drawn roads, 0.7, 0.8 and 0.9 of the crests with
+these p that lie on a boundary of the lane or inside it are on a boundary; real roads have joints and cracks too.
+Without its faint dashes a road for both ways would be one lane.
 """
 
 import cv2
@@ -15,6 +25,8 @@ from trepid.types import Floats, Image
 AREA, REST, LINE = np.array([[100, 100, 100], [20, 64, 30], [255, 255, 255]], np.float32)  # BGR
 SMOOTH_PX = 5  # along a row, before its crests are taken
 LEAST = 0.2  # probability of a crest
+EVIDENCE, PRIOR = 0.5, 1.5  # of the logit of a pixel in that of a crest; the logit of a crest at p = 1/2
+LEAST_PIXEL = 1e-7  # of a probability whose logit is taken
 
 
 def draw_masks(masks: Masks) -> Image:
@@ -29,12 +41,19 @@ def draw_masks(masks: Masks) -> Image:
         road = np.maximum(area, lines)  # a line lies on the road
     picture = _mix_colours(AREA, REST, road)
     if lines is not None:
-        picture = _mix_colours(LINE, picture, crests(lines))
+        picture = _mix_colours(LINE, picture, crests(crest_probability(lines)))
     return picture.astype(np.uint8)
 
 
+def crest_probability(lines: Floats) -> Floats:
+    """The probability that a crest is a line, from that of its pixel: o^a·e^b/(1 + o^a·e^b) with the odds o."""
+    odds = np.clip(lines, LEAST_PIXEL, 1 - LEAST_PIXEL)
+    odds = np.float32(np.exp(PRIOR)) * (odds / (1 - odds)) ** np.float32(EVIDENCE)
+    return np.asarray(odds / (1 + odds), np.float32)
+
+
 def crests(lines: Floats) -> Floats:
-    """The probability of a line at the crests of its mask along each row, and one pixel beside; 0 elsewhere."""
+    """``lines`` at its crests along each row, and one pixel beside; 0 elsewhere."""
     smooth = cv2.blur(lines, (SMOOTH_PX, 1))
     middle = smooth[:, 1:-1]
     highest = (middle >= smooth[:, :-2]) & (middle > smooth[:, 2:]) & (middle > LEAST)

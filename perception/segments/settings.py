@@ -5,12 +5,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from perception.lane.settings import ConfidenceSettings
+from perception.lane.settings import ConfidenceSettings, LaneCvSettings
 from perception.lane.street.settings import SearchedWeights, StreetWeights
 from perception.net.published_files import data_file
 from perception.segments.network import SegmentNetwork
 from trepid.config import CONFIG_DIR, InputError, Settings, default_file, default_names, load, resource
 from trepid.spelling import did_you_mean_or_list
+from trepid.types import NonNegative
 
 FOLDER = "networks"  # of descriptions in config/ or the folder of a car, and of fetched files
 
@@ -21,6 +22,7 @@ class SegmentSettings(Settings):
     network: Annotated[str, Field(pattern=r"^[A-Za-z0-9][\w.-]*$")]
     file: str | None = None
     confidence: ConfidenceSettings
+    line_within: NonNegative
     searched: SearchedWeights
     pair: StreetWeights
 
@@ -28,6 +30,13 @@ class SegmentSettings(Settings):
 def segment_settings() -> SegmentSettings:
     """``config/segments.yaml``. Raises InputError."""
     return load(CONFIG_DIR / "segments.yaml", SegmentSettings)
+
+
+def lane_settings(lane_cv: LaneCvSettings, own: SegmentSettings) -> LaneCvSettings:
+    """``lane_cv`` of the finder without a camera file, with what ``own`` states for pictures of masks."""
+    pairs = lane_cv.street.pairs.model_copy(update={"line_within": own.line_within})
+    stated = {"pairs": pairs, "searched": own.searched, "pair": own.pair}
+    return lane_cv.model_copy(update={"street": lane_cv.street.model_copy(update=stated)})
 
 
 def network_description(name: str) -> SegmentNetwork:

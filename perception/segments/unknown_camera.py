@@ -5,7 +5,7 @@ from perception.camera.self_calibration import Horizon, typical_camera
 from perception.lane.settings import LaneCvSettings
 from perception.lane.which_lane import WhichLane
 from perception.segments.estimator import Segments, segmenter_of
-from perception.segments.settings import segment_settings
+from perception.segments.settings import lane_settings, segment_settings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, SteeringEstimate, VehicleState
@@ -48,6 +48,5 @@ def _differs(one: Camera, other: Camera | None) -> bool:
 def build(vehicle: Vehicle, lane_cv: LaneCvSettings) -> Segments:
     """The estimator ``segments`` without a camera file. Raises InputError."""
     own = segment_settings()
-    street = lane_cv.street.model_copy(update={"searched": own.searched, "pair": own.pair})
-    finder = LaneOfPictures(lane_cv.model_copy(update={"street": street}), vehicle)
+    finder = LaneOfPictures(lane_settings(lane_cv, own), vehicle)
     return Segments(segmenter_of(own), finder, lookahead_m=lane_cv.steering.lookahead_m)

@@ -26,12 +26,13 @@ from lab.bench.real.look import LANE_ROWS, lane_at
 from perception.camera.self_calibration import calibrate_by_images
 from perception.estimators import lane_cv_settings
 from perception.lane.detection.evenness import columns
+from perception.lane.settings import LaneCvSettings
 from perception.lane.street.settings import SearchedWeights, StreetWeights
 from perception.lane.which_lane import WhichLane
 from perception.segments.estimator import NAME as SEGMENTS
 from perception.segments.estimator import segmenter_of
 from perception.segments.picture import draw_masks
-from perception.segments.settings import segment_settings
+from perception.segments.settings import lane_settings, segment_settings
 from sim_harness.world.roads.drawn import UNMARKED
 from sim_harness.world.streets import StreetKind
 from trepid.car.vehicle import Vehicle
@@ -75,9 +76,9 @@ def as_masks(drawn: Iterable[Look]) -> Iterator[Look]:
         yield replace(look, image=image, left_px=left_px, right_px=right_px)
 
 
-def samples(drawn: Iterable[Look]) -> tuple[Samples, Samples]:
+def samples(drawn: Iterable[Look], settings: LaneCvSettings) -> tuple[Samples, Samples]:
     """Of the search between heights, and of the pairs."""
-    settings, vehicle = lane_cv_settings(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     found: tuple[list[tuple[tuple[float, ...], bool, str]], ...] = ([], [])
     for look in drawn:
         finder = WhichLane(settings, calibrate_by_images([look.image], settings.self_calibration), vehicle)
@@ -134,10 +135,11 @@ def main(
     estimator: Annotated[str, typer.Option(help="cv or segments.")] = "cv",
 ) -> None:
     """Draw the looks, search, fit, print the weights."""
-    drawn, margin_of = looks(seed, count), margin
+    drawn, margin_of, settings = looks(seed, count), margin, lane_cv_settings()
     if estimator == SEGMENTS:
         drawn, margin_of = as_masks(drawn), common_margin
-    sections = zip(samples(drawn), WEIGHTS, ("searched", "pair"), strict=True)
+        settings = lane_settings(settings, segment_settings())
+    sections = zip(samples(drawn, settings), WEIGHTS, ("searched", "pair"), strict=True)
     for known, section, name in sections:
         weights, lower = fit_weights(known.inputs, known.right.astype(float)), margin_of(known)
         weights[0] -= lower

@@ -7,10 +7,12 @@ import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
 from segment_rig import segmenter, write_network
 
-from perception.estimators import entry_of
+from perception.estimators import entry_of, lane_cv_settings
 from perception.lane.lane_cv import LaneCv
+from perception.lane.street.pairs import boundaries, pairs
+from perception.lane.street.profile import Profile, StreetCourse
 from perception.segments.estimator import Segments
-from perception.segments.settings import network_description, network_file, segment_settings
+from perception.segments.settings import lane_settings, network_description, network_file, segment_settings
 from perception.segments.unknown_camera import LaneOfPictures
 from trepid.config import InputError
 from trepid.messages import Frame, SteeringEstimate
@@ -98,6 +100,24 @@ def test_without_a_camera_file_the_lines_of_the_masks_give_the_horizon(
     assert seen.lanes_detected == 2 and seen.confidence > 0.5
     left, right = (np.array(path) for path in (seen.left_boundary_px, seen.right_boundary_px))
     assert left[0, 0] < camera.width_px / 2 < right[0, 0]
+
+
+def test_a_faint_line_in_its_middle_makes_a_lane_improbable_in_masks_more_than_in_camera_images() -> None:
+    left_m = np.arange(7.0, -7.01, -0.1)
+    dashed = np.where(np.abs(np.abs(left_m) - 2.0) < 0.06, 0.5, np.where(np.abs(left_m) < 0.06, 0.08, 0.0))
+    nothing = np.zeros_like(left_m)
+    course, seen = StreetCourse(0.0, 0.0, 0.3), np.ones(len(left_m), bool)
+    camera = lane_cv_settings()
+    masks = lane_settings(camera, segment_settings())
+    probable = {}
+    for name, settings in (("camera", camera.street.pairs), ("masks", masks.street.pairs)):
+        for line, inside in ((dashed, True), (np.where(dashed > 0.1, dashed, 0.0), False)):
+            profile = Profile(course, left_m, seen, line, nothing, nothing, nothing)
+            found = boundaries(profile, settings)
+            assert len(found) == 2, "the faint line is no boundary of its own"
+            probable[name, inside] = pairs(profile, found, settings, height_sigma=0.2)[0].probability
+    assert probable["camera", False] == probable["masks", False]
+    assert probable["masks", True] < probable["camera", True] < probable["camera", False]
 
 
 @pytest.mark.parametrize("broken", ["lines", "area"])

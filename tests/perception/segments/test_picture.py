@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perception.segments.network import Masks
-from perception.segments.picture import AREA, REST, crests, draw_masks
+from perception.segments.picture import AREA, LINE, REST, crest_probability, crests, draw_masks
 
 ROWS, COLUMNS = 40, 320
 
@@ -29,9 +29,26 @@ def test_two_lines_have_two_crests_and_an_empty_mask_none() -> None:
 
 
 def test_a_crest_is_as_light_as_its_line_is_probable() -> None:
-    sure, unsure = (draw_masks(Masks(share * line(100.0, 5.0), None)) for share in (1.0, 0.5))
-    steps = [int(one[0].max()) - 100 for one in (sure, unsure)]
-    assert steps[0] == pytest.approx(2 * steps[1], rel=0.1)
+    middle = line(100.0, 5.0).max()
+    for share in (1.0, 0.5, 0.05):
+        picture = draw_masks(Masks(share * line(100.0, 5.0), None))
+        lightness = (int(picture[0].max()) - AREA[0]) / (LINE[0] - AREA[0])
+        probable = crest_probability(np.array([[share * middle]], np.float32))[0, 0]
+        assert lightness == pytest.approx(probable, abs=0.01)
+
+
+def test_a_crest_is_a_line_more_often_than_its_pixels_and_in_their_order() -> None:
+    pixel = np.linspace(0, 1, 101, dtype=np.float32)[None]
+    crest = crest_probability(pixel)[0]
+    assert (np.diff(crest) > 0).all() and crest[0] < 0.01 and crest[-1] > 0.99
+    assert crest[50] == pytest.approx(1 / (1 + np.exp(-1.5)), abs=1e-3)
+    assert (crest[1:50] > pixel[0, 1:50]).all()
+
+
+def test_a_faint_line_is_drawn_where_it_stands_out_and_a_level_mask_is_not() -> None:
+    faint = draw_masks(Masks(0.02 * line(100.0, 5.0), None))
+    assert int(faint[0, 98:103].max()) - AREA[0] > 40
+    assert (draw_masks(Masks(np.full((ROWS, COLUMNS), 0.02, np.float32), None)) == AREA).all()
 
 
 def test_the_edge_of_the_road_lies_where_its_probability_is_one_half() -> None:
