@@ -9,6 +9,7 @@ import math
 import re
 import shlex
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
+from trepid.loudness import warn
 from trepid.types import Image
 
 CODECS = {
@@ -37,6 +39,7 @@ DECODED = {"H.264", "HEVC", "VP8", "VP9", "ProRes"}  # by every build of OpenCV 
 BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free")  # that begin an MP4 or MOV
 LEAST_STEP_S = 5e-4  # between two frames: stamps are whole milliseconds or finer, and rates below 1 kHz
 MOST_FRAMES = 1e8
+MOST_DAMAGED = 300  # frames in a row: behind more of them, or as many tries at the end, nothing is sought
 SEARCHED = 1 << 20  # bytes at both ends of a file that may name its codec
 _LEAST_ID = 0x10  # first byte of the identifier of a Matroska element: of 1 to 4 bytes
 LFS = b"version https://git-lfs"
@@ -54,8 +57,8 @@ class VideoFrame(NamedTuple):
 def video_frames(path: Path) -> Iterator[VideoFrame]:
     """The frames of a video up to its last one.
 
-    A stamp that does not follow the one before is replaced by one period later. Raises InputError when there is no
-    frame that can be decoded.
+    A stamp that does not follow the one before is replaced by one period later. Damaged frames are left out, and
+    said once in a process. Raises InputError when there is no frame that can be decoded.
     """
     capture = cv2.VideoCapture(str(path))
 
@@ -67,8 +70,14 @@ def video_frames(path: Path) -> Iterator[VideoFrame]:
 
     try:
         period_s = 1 / _rate_hz(capture)
-        number, before_s = -1, -math.inf
-        while capture.grab():
+        number, before_s, failed = -1, -math.inf, 0
+        while failed < MOST_DAMAGED:
+            if not capture.grab():  # at the end, and at a damaged frame
+                failed += 1
+                continue
+            if failed:
+                _warn_of_damage(path, number + 1, failed)
+                failed = 0
             number += 1
             stamp_s = 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC)
             follows = math.isfinite(stamp_s) and stamp_s > before_s + LEAST_STEP_S
@@ -78,6 +87,11 @@ def video_frames(path: Path) -> Iterator[VideoFrame]:
             raise InputError(_unreadable(path, capture))
     finally:
         capture.release()
+
+
+@cache
+def _warn_of_damage(path: Path, number: int, failed: int) -> None:
+    warn(f"trepid: {path}: damaged before frame {number}: {failed} frames cannot be decoded; left out")
 
 
 def spread_images(path: Path, count: int) -> list[Image]:

@@ -1,6 +1,7 @@
 """Videos are read by their stamps to their end, and what cannot be read is called by its name."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -19,11 +20,11 @@ def numbers_of(images: list[np.ndarray]) -> list[int]:
     return [round(float(image.mean()) / 10) for image in images]
 
 
-def film(path: Path, count: int = 12) -> Path:
+def film(path: Path, count: int = 12, images: Sequence[np.ndarray] = IMAGES) -> Path:
     """A video of OpenCV; the container is that of the suffix."""
     code = cv2.VideoWriter.fourcc(*("MJPG" if path.suffix == ".avi" else "mp4v"))
     writer = cv2.VideoWriter(str(path), code, 25.0, (64, 48))
-    for image in IMAGES[:count]:
+    for image in images[:count]:
         writer.write(image)
     writer.release()
     return path
@@ -88,6 +89,28 @@ def test_a_live_recording_is_called_cut_where_its_last_frame_is(tmp_path: Path, 
     for lost in (1, 20, 100):
         path.write_bytes(data[:-lost])
         assert loss_of(path) == f"at least {lost} bytes are missing"
+
+
+@pytest.mark.parametrize("name", ["film.avi", "film.mkv"])
+def test_a_film_goes_on_behind_a_damaged_frame_which_is_said(
+    tmp_path: Path, name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / name
+    images = list(np.random.default_rng(0).integers(0, 256, (12, 48, 64, 3), np.uint8))
+    if path.suffix == ".avi":
+        film(path, images=images)
+    else:
+        matroska(path, images, range(0, 40 * len(images), 40))
+    whole = [frame.t_s for frame in video_frames(path)]
+    data = bytearray(path.read_bytes())
+    place = data.index(b"\xff\xd8\xff", len(data) // 2)  # the beginning of a JPEG
+    data[place : place + 300] = b"\x55" * 300
+    path.write_bytes(data)
+    left = [frame.t_s for frame in video_frames(path)]
+    assert set(left) < set(whole) and len(left) == len(whole) - 1 and left[-1] == whole[-1]
+    assert count_frames(path) == len(left)
+    said = [line for line in capfd.readouterr().err.splitlines() if "damaged before frame" in line]
+    assert len(said) == 1 and said[0].endswith("1 frames cannot be decoded; left out")
 
 
 def test_bytes_after_a_whole_film_are_no_loss(tmp_path: Path) -> None:
