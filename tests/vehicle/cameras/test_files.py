@@ -130,7 +130,7 @@ def images(
 
 def photos(count: int) -> tuple[str, list[tuple[int, bytes]]]:
     times = [BEGIN_NS + n * SECOND // 10 for n in range(count)]
-    data = [(at, foreign.compressed(picture(n), stamp_ns=at)) for n, at in enumerate(times)]
+    data = [(at, foreign.compressed_image(picture(n), stamp_ns=at)) for n, at in enumerate(times)]
     return "sensor_msgs/msg/CompressedImage", data
 
 

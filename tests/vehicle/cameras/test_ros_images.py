@@ -53,7 +53,7 @@ def test_every_encoding_becomes_the_same_picture(
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])
 def test_compressed_images_are_decoded(suffix: str) -> None:
-    picture = ros_image(foreign.compressed(BGR, suffix), COMPRESSED).decode()
+    picture = ros_image(foreign.compressed_image(BGR, suffix), COMPRESSED).decode()
     assert np.abs(picture.astype(int) - BGR).mean() < 4
 
 
@@ -150,7 +150,10 @@ def decode(data: bytes, ros_type: str) -> Image | None:
 def test_broken_bytes_give_an_image_or_one_clear_error(
     at: int, value: int, keep: float, encoding: str
 ) -> None:
-    for data, ros_type in ((foreign.image(BGR, encoding), IMAGE), (foreign.compressed(BGR), COMPRESSED)):
+    for data, ros_type in (
+        (foreign.image(BGR, encoding), IMAGE),
+        (foreign.compressed_image(BGR), COMPRESSED),
+    ):
         broken = bytearray(data)
         broken[at % 80] = value
         image = decode(bytes(broken[: round(keep * len(broken))]), ros_type)

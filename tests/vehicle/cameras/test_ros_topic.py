@@ -76,7 +76,7 @@ def test_compressed_images_arrive(graph: tuple[Bus, str], topic: Callable[..., R
     source = topic(type="CompressedImage")
 
     def data() -> bytes:
-        return foreign.compressed(picture(4), stamp_ns=now_ns())
+        return foreign.compressed_image(picture(4), stamp_ns=now_ns())
 
     assert send_until(graph[0], source, data, lambda frame: frame is not None and number_of(frame.image) == 4)
 
