@@ -41,9 +41,10 @@ variables: NAME (_COMMA NAME)* _COLON _REAL subrange? _SEMICOLON
 subrange: LPAR NUMBER _DOTS NUMBER RPAR
 fuzzify: _FUZZIFY NAME (term | range)* _END_FUZZIFY
 defuzzify: _DEFUZZIFY NAME (term | range | default | _setting | _METHOD _COLON COGS _SEMICOLON)* _END_DEFUZZIFY
-term: _TERM NAME _ASSIGN (singleton | corner*) _SEMICOLON
+term: _TERM NAME _ASSIGN (singleton | corner* | piecewise) _SEMICOLON
 singleton: NUMBER
 corner: LPAR NUMBER _COMMA NUMBER RPAR
+piecewise: NAME NUMBER*
 range: RANGE _ASSIGN LPAR NUMBER _DOTS NUMBER RPAR _SEMICOLON
 default: DEFAULT _ASSIGN (NUMBER | NAME) _SEMICOLON
 _setting: (_AND | _ACT) _COLON _MIN _SEMICOLON

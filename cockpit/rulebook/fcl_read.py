@@ -24,6 +24,8 @@ from trepid import config
 from trepid.causes import unknown_cause
 
 Corner = tuple[float, float]
+PIECEWISE = {"trian": (0.0, 1.0, 0.0), "trape": (0.0, 1.0, 1.0, 0.0)}
+"""Degrees of the corners of sets that jFuzzyLogic names by kind (Cingolani and Alcalá-Fdez, FUZZ-IEEE 2012)."""
 
 
 def parse_fcl(text: str, *, source: object, like: RuleFile) -> RuleFile:
@@ -132,11 +134,21 @@ class _Reader:
                 self.require(_numbers(part) == (1,), part.children[0], expected)
 
     def term(self, part: Any) -> tuple[Token, list[Corner]]:
-        """``NAME := 0.5;`` or ``NAME := (x, y) (x, y) ...;``"""
+        """``NAME := 0.5;``, ``NAME := (x, y) (x, y) ...;``, or ``NAME := trian a b c;`` of jFuzzyLogic."""
         level, *corners = part.children
         self.source.expect(level, LEVELS)
+        if corners and corners[0].data == "piecewise":
+            return level, self.piecewise(*corners[0].children)
         numbers = [_numbers(corner) for corner in corners]
         return level, [(pair[0], pair[1] if len(pair) > 1 else 1.0) for pair in numbers]
+
+    def piecewise(self, kind: Token, *numbers: Token) -> list[Corner]:
+        """The corners of a set that jFuzzyLogic names by its kind: a triangle, or a trapezoid."""
+        name = self.source.expect(kind.update(value=kind.lower()), PIECEWISE)
+        degrees = PIECEWISE[name]
+        self.require(len(numbers) == len(degrees), kind, f"{len(degrees)} numbers after {name}")
+        corners = zip(map(float, numbers), degrees, strict=True)
+        return list(dict.fromkeys(corners))  # a trapezoid may be a triangle
 
     def shape(self, level: Token, corners: list[Corner]) -> Any:
         """The set with these corners: the points of trimf or trapmf, or a polyline."""

@@ -128,6 +128,8 @@ RULE = "IF a IS low AND NOT (b IS high) THEN fear IS medium WITH 0.5"
         ("fear : REAL;", "Fear : REAL (0. .. 1.);"),
         (RULE, RULE.replace("a IS low", "A IS Low").replace("fear IS medium", "FEAR IS MEDIUM")),
         ("VAR_INPUT a", "VAR_INPUT A"),
+        ("low := (0, 0) (.25, 1) (.5, 0)", "low := trian 0 0.25 0.5"),
+        ("medium := (0.25, 0) (0.5, 1) (0.75, 0)", "medium := TRAPE 0.25 0.5 0.5 0.75"),
     ],
 )
 def test_comments_cogs_brackets_ranges_and_capitals_change_nothing(old: str, new: str) -> None:
@@ -177,6 +179,8 @@ def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_states() -> N
         ("TERM low := (0.0, 0)", "TERM low := (0.0 0)", ":13:20: expected ',', got '0'"),
         ("TERM low := (0.0, 0)", "TERM low := (0.3, 0)", ":13:8: the points must not fall"),
         ("TERM low := (0.0, 0)", "TERM low := (-1.0, 0)", "not in order"),
+        ("TERM low := (0.0, 0)", "TERM low := gauss 0.3 0.1; TERM low := (0.0, 0)", "one of trian, trape"),
+        ("TERM low := (0.0, 0)", "TERM low := trian 0.3; TERM low := (0.0, 0)", "expected 3 numbers after trian"),
         ("METHOD : COG;", "METHOD : MOM;", ": expected 'COG' or 'COGS', got 'MOM'"),
         ("DEFAULT := 1;", "DEFAULT := 0;", "expected the default 1"),
         ("RANGE := (0 .. 1)", "RANGE := (0 .. 2)", "expected the range 0 .. 1"),
