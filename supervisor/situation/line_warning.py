@@ -7,7 +7,7 @@ The time to line crossing of an axle is the first t with
 where d is the distance of the outer wheel from the edge, x the place of the axle ahead of the rear one, ψ the
 heading error, ω the yaw rate and κ the curvature of the lane (Mammar et al., Time to line crossing for lane
 departure avoidance, IEEE Trans. ITS 7, 2006); of both axles the least. A warning begins when it falls below
-``ahead_s``, but not before the earliest warning line of ISO 17361:2017, section 4.3, which depends on the speed of
+``ahead_s``, but not before the earliest warning line of ISO 17361:2017, which depends on the speed of
 approach u of the front wheel:
 
     d ≤ 1.5 s · min(max(u, 0.5 m/s), 1 m/s)        0.75 m to 1.5 m
