@@ -106,7 +106,7 @@ CLOSURES = {
         2_250,
     ),
     "ROS 2 bridge": Closure("import vehicle.ros.bridge", {"vehicle", "controller"}, 34, 2_900),
-    "page": Closure("import cockpit.page.node", {"cockpit.page", "vehicle.driver", "drive"}, 48, 5_100),
+    "page": Closure("import cockpit.page.node", {"cockpit.page", "vehicle.driver", "drive"}, 48, 5_110),
 }
 
 ROAD = ("perception", "supervisor", "controller", "vehicle", "drive", "cockpit")

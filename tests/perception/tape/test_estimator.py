@@ -140,7 +140,7 @@ def still(
 
 
 @cache
-def enlarged() -> tuple[Camera, Vehicle, TapeSettings]:
+def large_world() -> tuple[Camera, Vehicle, TapeSettings]:
     with using_car(CONFIG_DIR / "cars" / "mini"):
         camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     large = scaled_settings(camera, 1 / vehicle.scale), vehicle.in_reference_world
@@ -153,7 +153,7 @@ YELLOW: dict[str, object] = {**WHITE, "paint": "yellow"}
 
 
 def test_a_single_line_is_followed_where_the_user_says_so() -> None:
-    camera, vehicle, settings = enlarged()
+    camera, vehicle, settings = large_world()
     middle = settings.model_copy(update={"lane": RoleSettings(lines=Lines.MIDDLE, yellow=YellowSide.ANY)})
     section = {"left": NONE, "right": NONE, "middle": WHITE}
     found = still(camera, vehicle, middle, section)
@@ -165,7 +165,7 @@ def test_a_single_line_is_followed_where_the_user_says_so() -> None:
 
 def test_a_yellow_line_bounds_the_lane_on_its_side_alone() -> None:
     """The car stands in the left half of a road; the lane is the right half, one lane width away."""
-    camera, vehicle, settings = enlarged()
+    camera, vehicle, settings = large_world()
     kept_left = settings.model_copy(update={"lane": RoleSettings(lines=Lines.BOTH, yellow=YellowSide.LEFT)})
     section = {"left": WHITE, "right": YELLOW, "right_lanes": [{"marking": WHITE}]}
     assert abs(offset_m(still(camera, vehicle, settings, section)) - 0.25) < 0.1
@@ -180,6 +180,6 @@ def test_a_yellow_line_bounds_the_lane_on_its_side_alone() -> None:
 @pytest.mark.parametrize("floor", ["wood", "light_floor"])
 def test_a_floor_without_lines_shows_no_lane(floor: str) -> None:
     """Joints of planks and tiles, and the edges of patches of sun, are no lines."""
-    found = still(*enlarged(), {"left": NONE, "right": NONE, "verge": floor, "window_light": 1.0})
+    found = still(*large_world(), {"left": NONE, "right": NONE, "verge": floor, "window_light": 1.0})
     assert found.lateral_offset_m is None and found.confidence == 0.0
     assert found.reason == "no lines of a lane found"
