@@ -138,17 +138,9 @@ class _Reader:
         level, *corners = part.children
         self.source.expect(level, LEVELS)
         if corners and corners[0].data == "piecewise":
-            return level, self.piecewise(*corners[0].children)
+            return level, _piecewise(self.source, *corners[0].children)
         numbers = [_numbers(corner) for corner in corners]
         return level, [(pair[0], pair[1] if len(pair) > 1 else 1.0) for pair in numbers]
-
-    def piecewise(self, kind: Token, *numbers: Token) -> list[Corner]:
-        """The corners of a set that jFuzzyLogic names by its kind: a triangle, or a trapezoid."""
-        name = self.source.expect(kind.update(value=kind.lower()), PIECEWISE)
-        degrees = PIECEWISE[name]
-        self.require(len(numbers) == len(degrees), kind, f"{len(degrees)} numbers after {name}")
-        corners = zip(map(float, numbers), degrees, strict=True)
-        return list(dict.fromkeys(corners))  # a trapezoid may be a triangle
 
     def shape(self, level: Token, corners: list[Corner]) -> Any:
         """The set with these corners: the points of trimf or trapmf, or a polyline."""
@@ -266,6 +258,16 @@ def _names(part: Any) -> list[Token]:
 
 def _numbers(part: Any) -> tuple[float, ...]:
     return tuple(float(token) for token in part.children if token.type == "NUMBER")
+
+
+def _piecewise(source: Source, kind: Token, *numbers: Token) -> list[Corner]:
+    """The corners of a set that jFuzzyLogic names by its kind: a triangle, or a trapezoid."""
+    name = source.expect(kind.update(value=kind.lower()), PIECEWISE)
+    degrees = PIECEWISE[name]
+    if len(numbers) != len(degrees):
+        source.fail(kind, f"expected {len(degrees)} numbers after {name}")
+    corners = zip(map(float, numbers), degrees, strict=True)
+    return list(dict.fromkeys(corners))  # a trapezoid may be a triangle
 
 
 def _sentence(words: list[Any]) -> tuple[str, list[tuple[int, Token]]]:
