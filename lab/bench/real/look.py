@@ -1,6 +1,6 @@
 """One pass over a sequence: rows and small pictures of the supervised estimators, or rows of other estimators.
 
-The supervised car has the estimators of the default drive, and those for which the user has fetched a network.
+The supervised car has the estimators of the default drive, and `segments` where the user has fetched its network.
 """
 
 import time
@@ -25,6 +25,7 @@ from trepid.loudness import note
 from trepid.messages import Frame, SteeringEstimate
 from trepid.types import Array, Image, Mask
 
+SEGMENTS = "segments"
 SAY_EVERY_S = 20.0
 GRID_PX = (96, 72)  # of a label in a row: width, height
 LANE_ROWS = (0.95, 0.8, 0.65)  # where the place of a lane is kept, in heights of the image
@@ -33,8 +34,8 @@ Row = dict[str, Any]
 
 
 def supervised_estimators() -> tuple[str, ...]:
-    """Those of the default drive, and the further ones whose files are on this machine."""
-    return (*ESTIMATORS, *(name for name, entry in FURTHER.items() if entry.is_here()))
+    """Those of the default drive, and `segments` where its network is on this machine."""
+    return (*ESTIMATORS, SEGMENTS) if FURTHER[SEGMENTS].is_here() else tuple(ESTIMATORS)
 
 
 def look_at_frames(

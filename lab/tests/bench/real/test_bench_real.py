@@ -1,13 +1,14 @@
 """`bench real` on made-up sets whose figures are known."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from lab.bench.real import baselines
+from lab.bench.real import baselines, look
 from lab.bench.real import bench as module
 from lab.bench.real.bench import bench_real
 from lab.bench.real.frames import Picture
@@ -258,6 +259,13 @@ def test_techniques_are_scored_beside_the_estimators_of_the_car_once_for_the_sam
     assert first["set"]["b"]["cv"] == bench_real(data=tmp_path, out=tmp_path / "out")["set"]["b"]["cv"]
     assert bench_real(data=tmp_path, out=tmp_path / "out", estimators=both) == first
     assert len(made_up) == 4, "a pass with the supervisor and one with the technique, of two sequences"
+
+
+@pytest.mark.parametrize(("fetched", "names"), [(True, ("cv", "cnn", "segments")), (False, ("cv", "cnn"))])
+def test_the_supervised_car_has_segments_where_its_network_was_fetched(fetched, names, monkeypatch):
+    entry = replace(look.FURTHER["segments"], is_here=lambda: fetched)
+    monkeypatch.setitem(look.FURTHER, "segments", entry)
+    assert look.supervised_estimators() == names
 
 
 def test_real_pictures_are_not_written_into_the_repository(made_up, tmp_path):
