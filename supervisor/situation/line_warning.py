@@ -1,4 +1,4 @@
-"""A warning to the driver before a wheel leaves the lane, whoever steers: section ``line_warning``.
+"""A warning to the driver before a wheel leaves the lane, also in manual driving: section ``line_warning``.
 
 The time to line crossing of an axle is the first t with
 

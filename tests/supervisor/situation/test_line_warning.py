@@ -163,7 +163,7 @@ def test_the_time_is_unknown_and_not_zero_where_nothing_is_known():
 
 
 @pytest.mark.parametrize("override", [False, True], ids=["the car", "a driver"])
-def test_the_decision_warns_whoever_steers_and_a_warning_changes_nothing_else(override: bool):
+def test_the_decision_warns_in_manual_driving_too_and_a_warning_changes_nothing_else(override: bool):
     found: list[list[Decision]] = []
     for switched_on in (True, False):
         drive = Drive.under_way()
