@@ -30,7 +30,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: str | Path) -> int:
 def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("boards")
     for number, pose in enumerate(chessboard.POSES):
-        cv2.imwrite(str(folder / f"{number}.png"), chessboard.drawn(*pose))
+        cv2.imwrite(str(folder / f"{number}.png"), chessboard.draw_board(*pose))
     return folder
 
 

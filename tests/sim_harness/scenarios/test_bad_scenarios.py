@@ -173,8 +173,8 @@ BAD = {
         ":5:8: vary: unknown field 'start.ofset_m'; did you mean 'offset_m'",
     ),
     "end of a range that is refused": (
-        GOOD + "vary: {lane_width_m: [0.1, 3]}\n",
-        r":5:8: vary: lane_width_m: .*greater than or equal to 0.3 \(for 0.1\)",
+        GOOD + "vary: {lane_width_m: [0.05, 3]}\n",
+        r":5:8: vary: lane_width_m: .*greater than or equal to 0.1 \(for 0.05\)",
     ),
     "range from high to low": (GOOD + "vary: {lane_width_m: [3, 2.5]}\n", ":5:8: vary.lane_width_m: from 3"),
     "range of three": (
