@@ -58,7 +58,7 @@ def changes_since(commit: str) -> frozenset[str] | None:
 
 
 def age_sentence(name: str, commit: str) -> str:
-    """What a reader is told of the age of a result of the benchmark ``name`` at ``commit``; "" for a new one.
+    """The sentence about the age of a result of the benchmark ``name`` at ``commit``; "" for a new one.
 
     A commit that ends with + had changes that are not known, so that it cannot be compared.
     """

@@ -1,4 +1,4 @@
-"""``docs/processes.svg``: the processes of a real car, and who writes and reads which topic.
+"""``docs/processes.svg``: the processes of a real car, and the topics that each writes and reads.
 
 ``python -m lab.site.processes`` draws it. What a process writes is what ``trepid drive`` permits it to
 publish; what it reads is found in the code of its module, in the calls that subscribe.
@@ -130,7 +130,7 @@ def _box(column: Column, x: int, height: int) -> Iterator[str]:
 
 
 def _row(key: str, y: int, found: list[Column], place: Mapping[str, int]) -> Iterator[str]:
-    """One topic: its name, a line from its writers to its readers, and who only listens."""
+    """One topic: its name, a line from its writers to its readers, and those that only listen."""
     ink = STOP_INK if key in STOPS else INK
     beats = key == topics.DIAGNOSTICS.key
     writers = [column.name for column in found if key in column.writes or (beats and column.name != LAUNCHER)]

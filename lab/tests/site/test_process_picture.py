@@ -1,4 +1,4 @@
-"""docs/processes.svg shows the processes of a car, and who writes and reads which topic."""
+"""docs/processes.svg shows the processes of a car, and the topics that each writes and reads."""
 
 import re
 from xml.etree import ElementTree
