@@ -178,9 +178,8 @@ time.time_ns = lambda: real_ns() + int(1e9 * by_s())
 """
 
 
-@pytest.mark.parametrize("step_s", [3600.0, -3600.0])
-def test_a_wall_clock_that_is_set_during_a_drive_changes_neither_the_drive_nor_its_recording(
-    step_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_wall_clock_that_is_set_forward_and_back_changes_neither_the_drive_nor_its_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     by_s, recording = tmp_path / "by_s", tmp_path / "drive.mcap"
     by_s.write_text("0.0")
@@ -188,14 +187,16 @@ def test_a_wall_clock_that_is_set_during_a_drive_changes_neither_the_drive_nor_i
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     began_s = time.time()
     drive = driving(2.0, *SHORT_ROAD, "--duration", "14", "--record", str(recording))
-    by_s.write_text(str(step_s))
+    by_s.write_text("3600.0")
+    assert drive.reaches(4.0)
+    by_s.write_text("-3600.0")
     _, row = drive.result()
     assert row["departures"] == row["interventions"] == 0
     assert all(process["restarts"] == 0 for process in row["processes"].values())
     recorded = read_recording(recording, VEHICLE_STATE.key)
     arrivals = np.array([(at_s, state.t_s, state.speed_mps) for at_s, state in recorded.of(VEHICLE_STATE)])
     assert recorded.complete and began_s < arrivals[0, 0] < arrivals[-1, 0] < time.time()
-    assert (np.diff(arrivals[:, 1]) > 0).all() and np.abs(arrivals[:, 0] - arrivals[:, 1]).max() < 1.0
+    assert (np.diff(arrivals[:, 1]) >= 0).all() and np.abs(arrivals[:, 0] - arrivals[:, 1]).max() < 1.0
     assert arrivals[-1, 2] > 2.0, "it drove on"
 
 
