@@ -83,7 +83,7 @@ def results(browser: Any, words: str) -> list[str]:
         ("Raspberry Pi", "raspberry_pi.html"),
         ("why did the car slow down", "questions.html"),
         ("calibrate the camera", "calibration.html"),
-        ("exit code", "exits.html"),
+        ("exit code", "compatibility.html"),
         ("train my own network", "train-your-own.html"),
         ("wheelbase_m", "files.html"),
         ("open_recording", "python_cockpit.html"),
