@@ -12,7 +12,7 @@ approach u of the front wheel:
 
     d ≤ 1.5 s · min(max(u, 0.5 m/s), 1 m/s)        0.75 m to 1.5 m
 
-so that a driver who follows the edge of a lane is not warned of it. The standard demands a warning 0.3 m beyond the
+so that driving parallel to the edge of a lane gives no warning. The standard demands a warning 0.3 m beyond the
 edge at the latest; here a wheel beyond it that does not come back counts as a crossing.
 """
 
@@ -58,7 +58,7 @@ def approach(
     turn_radps = motion.yaw_rate_radps - lane.curvature_1pm * motion.speed_mps
     found: list[tuple[float, float, float]] = []
     for axle_m in (0.0, wheelbase_m):
-        room_m = width_m / 2 - half_width_m - side * -lane.y_m(axle_m)
+        room_m = width_m / 2 - half_width_m + side * lane.y_m(axle_m)
         speed_mps = side * (motion.speed_mps * lane.heading_rad + axle_m * turn_radps)
         if room_m > 0.0:
             time_s = first_root(room_m, speed_mps, side * motion.speed_mps * turn_radps)

@@ -10,7 +10,7 @@ from trepid.config import ROOT
 from trepid.topics import FIXED, SIM_TRUTH, STEPS, TIMING, estimate_topic
 
 OF_THE_MAKERS = {SIM_TRUTH.key, TIMING.key, STEPS.key}
-"""Topics of the simulator, and of those who measure or repeat a drive."""
+"""Topics of the simulator, of measurements and of replays."""
 
 
 @pytest.fixture(scope="module")

@@ -92,9 +92,11 @@ def test_a_port_that_another_user_has_taken_but_does_not_use_yet_is_refused() ->
         port = probe.getsockname()[1]
     assert reserve_port("127.0.0.1", port) == port
     code = f"reserve_port('127.0.0.1', {port})"
-    nobody = f"import os\nfrom trepid.processes.endpoint import reserve_port\nos.setuid(65534)\n{code}"
-    said = subprocess.run([sys.executable, "-c", nobody], capture_output=True, text=True, check=False).stderr
-    assert said.endswith("Address already in use\n")
+    program = f"import os\nfrom trepid.processes.endpoint import reserve_port\nos.setuid(65534)\n{code}"
+    errors = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    ).stderr
+    assert errors.endswith("Address already in use\n")
 
 
 def test_shared_memory_that_is_missing_full_or_read_only_is_refused_at_once(
