@@ -137,18 +137,24 @@ class LaneChoice:
     def _unless_rival(self, weak: Candidate, search: FrameSearch, memory: LaneMemory) -> Candidate | None:
         """The ``weak`` candidate near the remembered lane, or clearly better lines elsewhere.
 
-        A rival that does not continue the remembered lane must be found ``confirm_looks`` times in a row. The
-        search over all lanes is slow, so it begins at the second weak frame in a row and then every ``rival_every``
+        Lines that continue the remembered lane update it, if they are also clearly better than ``weak`` with that
+        lane as prior: two short dashes of one frame alone leave width, heading and pitch open to each other. Any
+        other rival replaces the remembered lane once it was found ``confirm_looks`` times in a row. The search
+        over all lanes is slow, so it begins at the second weak frame in a row and then every ``rival_every``
         frames, and takes two frames: a vote over all shapes, then a fit to the best one.
         """
         track, lane = self._settings.track, memory.lane
         assert lane is not None
         shape, memory.rival = memory.rival, None
         if shape is not None and not weak.sure:
-            rival = self._rating.candidate(search.lines_like(shape))
-            if rival.score > weak.score + track.rival_margin:
+            rival, enough = self._rating.candidate(search.lines_like(shape)), weak.score + track.rival_margin
+            if rival.score > enough:
+                if _continues(rival.fit, lane, track):
+                    same = self._rating.candidate(search.lines_like(shape, memory.between_lines))
+                    if same.score > enough:
+                        return self._keep(same, memory)
                 self._rival_looks += 1
-                if _continues(rival.fit, lane, track) or self._rival_looks >= track.confirm_looks:
+                if self._rival_looks >= track.confirm_looks:
                     memory.looks, memory.width_seen = 0.0, False
                     return self._keep(rival, memory)
             else:

@@ -36,11 +36,16 @@ class FrameSearch:
         vote, prior = self._settings.vote, self._settings.prior
         return self._vote_shape(prior.lane, (vote.cold, vote.refine))
 
-    def lines_like(self, shape: LaneState | None) -> LaneFit:
-        """The second half of :meth:`lines_anywhere`: the lane between the lines near ``shape``."""
+    def lines_like(self, shape: LaneState | None, remembered: LaneState | None = None) -> LaneFit:
+        """The second half of :meth:`lines_anywhere`: the lane between the lines near ``shape``.
+
+        ``remembered``: the lane that the lines are known to continue, instead of the prior of all lanes.
+        """
         prior = self._settings.prior
         if shape is None:
             return _nothing(prior.lane)
+        if remembered is not None:
+            return self._between_lines(remembered, shape.mean)
         return self._between_lines(prior.lane, shape.mean, straight_prior(prior.lane, prior))
 
     def lines_near(self, predicted: LaneState) -> LaneFit:

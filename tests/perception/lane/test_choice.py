@@ -38,6 +38,7 @@ class GivenSearch:
     edges: LaneFit = NO_LANE
     near: LaneFit = NO_LANE
     around: LaneFit | None = None  # edges of any predicted road; None: a miss
+    continued: LaneFit | None = None  # lines elsewhere as those of the remembered lane; None: as ``lines``
     searched: list[str] = field(default_factory=list)
 
     def lines_anywhere(self) -> LaneFit:
@@ -48,9 +49,9 @@ class GivenSearch:
         self.searched.append("shape")
         return self.lines.state
 
-    def lines_like(self, shape: LaneState) -> LaneFit:
+    def lines_like(self, shape: LaneState, remembered: LaneState | None = None) -> LaneFit:
         self.searched.append("like")
-        return self.lines
+        return self.continued or self.lines if remembered else self.lines
 
     def edges_anywhere(self) -> LaneFit:
         self.searched.append("edges")
@@ -108,6 +109,24 @@ def test_a_better_lane_elsewhere_replaces_a_weak_one_at_its_first_fit_only_if_it
     given = GivenSearch(lines=fit(3.4, 0.35, offset_m=offset_m), near=WEAK)
     fits = [choose(given, memory, choice).fit for _ in range(frames)]
     assert [one is WEAK for one in fits] == [True] * (frames - 1) + [False]
+
+
+def test_lines_that_continue_the_remembered_lane_are_fitted_with_what_it_knows():
+    memory, choice = memory_of(GOOD), LaneChoice(SETTINGS, RATING)
+    known = fit(3.5, 0.35, offset_m=0.05)
+    given = GivenSearch(lines=fit(3.2, 0.35, offset_m=0.1), near=WEAK, continued=known)
+    memory.looks, memory.width_seen = 3.0, True
+    assert [choose(given, memory, choice).fit for _ in range(3)][-1] is known
+    assert memory.looks == 3.0 and memory.width_seen
+
+
+def test_lines_close_by_that_do_not_fit_the_remembered_lane_must_be_found_as_often_as_lines_elsewhere():
+    memory, choice = memory_of(GOOD), LaneChoice(SETTINGS, RATING)
+    given = GivenSearch(lines=fit(3.2, 0.35, offset_m=0.1), near=WEAK, continued=WEAK)
+    frames = 3 + 2 * SETTINGS.track.rival_every
+    fits = [choose(given, memory, choice).fit for _ in range(frames)]
+    assert [one is WEAK for one in fits] == [True] * (frames - 1) + [False]
+    assert memory.looks == 0.0
 
 
 def searches_of(given: GivenSearch, memory: LaneMemory, frames: int) -> list[list[str]]:

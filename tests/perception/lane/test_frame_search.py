@@ -4,7 +4,7 @@ import pytest
 from perception.estimators import lane_cv_settings
 from perception.lane.frame_search import FrameSearch
 from perception.lane.model.evidence import LaneFit
-from perception.lane.model.geometry import WIDTH, E
+from perception.lane.model.geometry import PSI, WIDTH, E, LaneState
 from perception.lane.view import make_view
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -78,3 +78,19 @@ def test_half_a_dash_alone_counts_as_a_line_only_where_one_is_predicted():
     alone = search(half_a_dash(beside_a_line=False))
     assert alone.lines_at(SETTINGS.prior.lane).right.seen
     assert alone.lines_anywhere().boundaries_seen == 0
+
+
+def test_two_dashes_and_specks_leave_the_width_and_heading_of_a_remembered_lane():
+    def lines_m(band, ahead_m):
+        return [*([1.75] if 7.0 < ahead_m < 9.0 else []), *([-1.75] if 3.5 < ahead_m < 6.5 else [])] + (
+            [1.62] if 3.0 < ahead_m < 3.4 else []  # a drop on the lens
+        )
+
+    dashes, shape = search(picture(lines_m)), SETTINGS.prior.lane
+    known = LaneState(
+        np.array([0.0, 0.0, 0.0, 0.0, 3.5, 0.0]),
+        np.diag(np.square([0.02, 0.004, 0.001, 0.0002, 0.02, 0.008])),
+    )
+    alone, continued = (dashes.lines_like(shape, prior).state.mean for prior in (None, known))
+    assert abs(continued[WIDTH] - 3.5) < 0.08 < abs(alone[WIDTH] - 3.5)
+    assert abs(continued[PSI]) < 0.01
