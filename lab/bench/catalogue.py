@@ -162,6 +162,12 @@ BENCHMARKS = {
         "people, cyclists and animals that step out, stand aside, ride ahead; their detector on real pictures",
         pictured=False,
     ),
+    "study-samplers": Benchmark(
+        "study.functions",
+        "the samplers of `trepid fear tune` on the 14 functions of the Bat literature, at equal evaluations",
+        pictured=False,
+        continued=True,
+    ),
     "study-speed": Benchmark(
         "study.loops",
         "angles of 5 mph at 5 to 25 mph, with and without transposition by understeer",

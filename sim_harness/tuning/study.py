@@ -22,7 +22,7 @@ from types import MappingProxyType
 
 import numpy as np
 import optuna
-from optuna.samplers import BaseSampler, RandomSampler, TPESampler
+from optuna.samplers import BaseSampler, CmaEsSampler, RandomSampler, TPESampler
 from optuna.storages import BaseStorage, JournalStorage, RDBStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
@@ -53,6 +53,7 @@ SAMPLERS: Mapping[str, Callable[[int], BaseSampler]] = MappingProxyType(
     {
         "tpe": lambda seed: TPESampler(seed=seed, multivariate=True, constant_liar=True),
         "random": lambda seed: RandomSampler(seed=seed),
+        "cma-es": lambda seed: CmaEsSampler(seed=seed, warn_independent_sampling=False),
         "bat": lambda seed: BatSampler(seed=seed),
         "bat-harmony": lambda seed: HarmonyBatSampler(seed=seed),
         "pso": lambda seed: SwarmSampler(seed=seed),
