@@ -56,14 +56,14 @@ class EstimatorNode:
             return
         began_s = me.now_s()
         state = self._state.refresh()
-        if self._judge is not None:  # before the estimate, which makes the supervisor decide
-            self._send_statistics(self._judge.step(frame, self._last, state, now_s=began_s))
         started_s = time.perf_counter()
         estimate = self._estimator.step(frame, state, now_s=began_s)
         latency_ms = 1e3 * (time.perf_counter() - started_s)
         self._last = replace(estimate, latency_ms=latency_ms)
         self._send_estimate(self._last)
         self._times.note(frame.t_s, self._frames, began_s=began_s)
+        if self._judge is not None:  # after the estimate, which makes the supervisor decide
+            self._send_statistics(self._judge.step(frame, self._last, state, now_s=began_s))
         self._journal.note(began_s)
         me.count_step()
 

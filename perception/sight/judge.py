@@ -56,8 +56,8 @@ class ImageJudge:
     ) -> ImageStatistics:
         """The statistics of ``frame``; its sight is None where the image does not say how far it reaches.
 
-        ``lane``: the newest estimate of the lane, as a rule that of the frame before, because the statistics of a
-        frame are published before its estimate; None: the ground straight ahead counts.
+        ``lane``: the newest estimate of the lane, of this frame in a live drive, of the frame before in lock-step;
+        None: the ground straight ahead counts.
         """
         statistics = self._statistician.step(frame, now_s=now_s)
         enlarged = self._reference.enlarge
