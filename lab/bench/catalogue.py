@@ -48,6 +48,11 @@ BENCHMARKS = {
         "the live page: from its printed address to answer and picture, a check of the rules, at loads 0 and 8",
         pictured=False,
     ),
+    "rc": Benchmark(
+        "live.small",
+        "the RC car at 20 frames a second, alone and beside other work: estimators missed, share of a core",
+        pictured=False,
+    ),
     "logbook": Benchmark(
         "logbook.bench",
         "recordings: random moments explained, opening of half an hour, what a crash leaves, replay",
