@@ -67,7 +67,7 @@ CLOSURES = {
         "import perception.node, perception.segments.estimator",
         {"perception"},
         56,
-        5_120,
+        5_130,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
