@@ -2,10 +2,10 @@
 
 The reference line is the centre of the kept lane, so no geometry is converted: a <laneOffset> of half its width
 puts the road's centre line (lane 0) on its left edge, and the kept lane is lane -1 of a road with right-hand
-traffic. Attributes that OpenDRIVE cannot express (surface, wear, light, marks, junctions…) are written to
-<userData code="trepid">.
+traffic. Heights and banks are <elevation> and <superelevation> as they are. Attributes that OpenDRIVE cannot
+express (surface, wear, light, marks, junctions…) are written to <userData code="trepid">.
 
-ASAM OpenDRIVE 1.7.0, chapters 7 (geometry), 9 (lanes) and 9.6 (road markings).
+ASAM OpenDRIVE 1.7.0, chapters 7 (geometry), 8.4 and 8.5.1 (elevation), 9 (lanes) and 9.6 (road markings).
 """
 
 import json
@@ -39,7 +39,13 @@ def write_opendrive(settings: RoadSettings, path: Path) -> None:
     if settings.closed:
         road.add_predecessor(xodr.ElementType.road, 1, xodr.ContactPoint.end)
         road.add_successor(xodr.ElementType.road, 1, xodr.ContactPoint.start)
-    own = settings.model_dump(mode="json", exclude={"segments", "sections"}, exclude_defaults=True)
+    line = Road(settings)
+    for record in line.elevation.records_from_start if line.elevation else ():
+        road.add_elevation(*record)
+    for record in line.bank.records_from_start if line.bank else ():
+        road.add_superelevation(*record)
+    in_elements = {"segments", "sections", "elevation", "bank"}
+    own = settings.model_dump(mode="json", exclude=in_elements, exclude_defaults=True)
     road.add_userdata(xodr.UserData(USER_DATA, json.dumps(own)))
     file = xodr.OpenDrive(settings.name, revMajor="1", revMinor="7")
     file.add_road(road)

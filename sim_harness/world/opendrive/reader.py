@@ -5,8 +5,8 @@ reference line of the file, the geometry is copied; elsewhere, and along polynom
 0.1 mm (clothoid_fit). Pieces below 2 cm, from rounding or from an editor, belong to their neighbours, and
 differences below a millimetre are none. Lanes follow their <link>. Where a lane ends, or is narrower than a lane,
 the road ends. Lane widths are linear along a section of Trepid: cubic ones are cut into stretches that are
-linear within 1 cm. Elevation, superelevation, objects and signals are left out and listed in the notes; junctions
-are ignored.
+linear within 1 cm. Elevation and superelevation become the height and the bank of the lane (heights). Objects and
+signals are left out and listed in the notes; junctions are ignored.
 
 ASAM OpenDRIVE 1.7.0; the elements that are read are the same in versions 1.4 to 1.8.
 """
@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from sim_harness.world.opendrive.clothoid_fit import FittedCurve, Knot, NoFit, clothoid, fit
+from sim_harness.world.opendrive.heights import LaneHeights, LaneStretch, lane_heights
 from sim_harness.world.opendrive.kept_lane import KeptLane
 from sim_harness.world.opendrive.lane_table import (
     DRIVEN,
@@ -154,6 +155,10 @@ class _Stretch:
             return None
         return (self.end_m - self.start_m) * (1.0 - shape.curvature_1pm * offset_m)
 
+    def way(self, s: float) -> float:
+        """Way along the lane's centre, per station."""
+        return math.hypot(self._slope(s), self._along(s))
+
     def _slope(self, s: float) -> float:
         h = HEADING_STEP_M
         return (self.centre_m(s + h) - self.centre_m(s - h)) / (2 * h)
@@ -172,7 +177,7 @@ class _Stretch:
             return curvature / (1.0 - curvature * offset_m)
         h = HEADING_STEP_M
         turn = curvature * self.piece.speed(s) + (self._slant(s + h) - self._slant(s - h)) / (2 * h)
-        return turn / math.hypot(self._slope(s), self._along(s))
+        return turn / self.way(s)
 
 
 class _LaneReader:
@@ -204,6 +209,11 @@ class _LaneReader:
             fitted = fit(spans, closed=closed)
         except NoFit as error:
             raise self._fit_refusal(error.span, spans, str(error)) from error
+        along = [
+            LaneStretch(s.start_m, s.end_m, s.centre_m, s.way, math.fsum(piece.length_m for piece in pieces))
+            for s, pieces in zip(stretches, fitted, strict=True)
+        ]
+        heights = lane_heights(self._road, along, backward=self._backward, closed=closed)
         lanes = [self._cross_section(stretch) for stretch in stretches]
         elements = [stretch.section.element for stretch in stretches]
         if self._backward:
@@ -216,7 +226,8 @@ class _LaneReader:
         stations_m = [stretch.end_m if self._backward else stretch.start_m for stretch in stretches]
         parts = (stations_m[::-1] if self._backward else stations_m, starts_m, lengths_m, lanes)
         profiles = [Profile(*each) for each in zip(elements, *parts, strict=True)]
-        return ImportedRoad(self._settings(profiles, fitted, closed=closed), self._notes())
+        settings = self._settings(profiles, fitted, heights, closed=closed)
+        return ImportedRoad(settings, self._notes(heights.kinks))
 
     def _fit_refusal(self, span: FittedCurve, spans: list[FittedCurve], what: str) -> InputError:
         """The refusal of a curve that no road follows, with its reason."""
@@ -330,13 +341,15 @@ class _LaneReader:
         )
 
     def _settings(
-        self, profiles: list[Profile], fitted: list[list[Segment]], *, closed: bool
+        self, profiles: list[Profile], fitted: list[list[Segment]], heights: LaneHeights, *, closed: bool
     ) -> RoadSettings:
         exported = not self._backward and set(self._lane.ids) == {-1}  # then the <userData> applies
         values: dict[str, object] = {
             "name": self._road.attributes.get("name") or f"road_{self._road.text('id')}",
             "lane_width_m": profiles[0].lanes.width_m[0],
             **(user_data(self._road) if exported else {}),
+            **({"elevation": heights.elevation} if heights.elevation else {}),
+            **({"bank": heights.bank} if heights.bank else {}),
             "closed": closed,
             "segments": _merge_segments(fitted),
             "sections": (Section(name="", start_m=0),),
@@ -352,18 +365,13 @@ class _LaneReader:
             raise self._road.error(f"{self._lane.name}: {error}") from error
         return settings
 
-    def _notes(self) -> tuple[str, ...]:
+    def _notes(self, kinks: int) -> tuple[str, ...]:
         notes = self._lane.notes()
         stated_m = self._road.number("length", self._length_m)
         if abs(stated_m - self._length_m) > STATED_WITHIN_M:
             notes.append(f"length={stated_m:g}: its geometries are {self._length_m:g} m long")
-        for profile, kind, what in (
-            ("elevation", "elevation", "elevation"),
-            ("lateral", "superelevation", "bank"),
-        ):
-            found = self._road.all(f"{profile}Profile/{kind}")
-            if any(element.number(name) for element in found for name in "abcd"):
-                notes.append(f"{what} is left out: Trepid's roads are flat")
+        if kinks:
+            notes.append(f"the grade or the bank jumps at {kinks} places: rounded off over 1 m")
         for kind in ("object", "signal"):
             if found := self._road.all(f"{kind}s/{kind}"):
                 notes.append(f"left out: {len(found)} {kind}s")

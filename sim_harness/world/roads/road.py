@@ -22,7 +22,7 @@ from pydantic import Field, model_validator
 from scipy.spatial import cKDTree
 
 from sim_harness.world.roads.appearance import LaneWidth, Section
-from sim_harness.world.roads.elevation import Elevation, ElevationPoint
+from sim_harness.world.roads.elevation import BankPoint, ElevationPoint, RoadHeight
 from sim_harness.world.roads.features import Junction, MarkKind, RoadMark, Wall
 from trepid.bounds import at_least, within
 from trepid.config import Settings, wrong_at
@@ -84,6 +84,7 @@ class RoadSettings(Settings):
     junctions: tuple[Junction, ...] = ()
     walls: tuple[Wall, ...] = ()
     elevation: tuple[ElevationPoint, ...] = ()  # at rising stations; none: flat
+    bank: tuple[BankPoint, ...] = ()  # at rising stations; none: level across
 
     @property
     def scale(self) -> float:
@@ -202,20 +203,21 @@ class RoadSettings(Settings):
         return found
 
     @model_validator(mode="after")
-    def _profile_runs_forwards(self) -> Self:
+    def _profiles_run_forwards(self) -> Self:
         length_m = math.fsum(segment.length_m for segment in self.segments)
-        stations = [point.at_m for point in self.elevation]
-        for number, (before, here) in enumerate(pairwise(stations), start=1):
-            if before >= here:
-                message = (
-                    f"elevation.{number} lies at {here:g} m, not beyond the point before at {before:g} m"
-                )
-                raise wrong_at(("elevation", number, "at_m"), message)
-        if stations and (stations[-1] > length_m or (self.closed and stations[-1] == length_m)):
-            message = f"elevation ends at {stations[-1]:g} m; the road is {length_m:.1f} m long"
-            if self.closed:
-                message += ", and a closed road returns to its first point by itself"
-            raise wrong_at(("elevation", len(stations) - 1, "at_m"), message)
+        for name, points in (("elevation", self.elevation), ("bank", self.bank)):
+            stations = [point.at_m for point in points]
+            for number, (before, here) in enumerate(pairwise(stations), start=1):
+                if before >= here:
+                    message = (
+                        f"{name}.{number} lies at {here:g} m, not beyond the point before at {before:g} m"
+                    )
+                    raise wrong_at((name, number, "at_m"), message)
+            if stations and (stations[-1] > length_m or (self.closed and stations[-1] == length_m)):
+                message = f"{name} ends at {stations[-1]:g} m; the road is {length_m:.1f} m long"
+                if self.closed:
+                    message += ", and a closed road returns to its first point by itself"
+                raise wrong_at((name, len(stations) - 1, "at_m"), message)
         return self
 
 
@@ -228,20 +230,18 @@ class FootPoint(NamedTuple):
     curvature_1pm: float
 
 
-class Road:
+class Road(RoadHeight):
     """Reference line, lane and appearance. Immutable; starts at the origin, heading along x."""
 
     def __init__(self, settings: RoadSettings) -> None:
         """Raises ValueError when a closed road does not close within 1 mm and 1e-4 rad."""
+        length_m = math.fsum(segment.length_m for segment in settings.segments)
+        super().__init__(settings.elevation, settings.bank, length_m=length_m, closed=settings.closed)
         self.settings = settings
         self.name = settings.name
-        self.closed = settings.closed
         self.sections = settings.sections
-        self.length_m = math.fsum(segment.length_m for segment in settings.segments)
         self._section_starts = [section.start_m for section in settings.sections]
         self._section_ends = [*self._section_starts[1:], self.length_m]
-        profile = settings.elevation
-        self.elevation = Elevation(profile, length_m=self.length_m, closed=self.closed) if profile else None
         self._table = _table(settings.segments, closed=settings.closed)
         self.max_curvature_1pm = max(segment.tightest_1pm for segment in settings.segments)
         self._stations: list[float] = self._table[:, 0].tolist()
@@ -384,16 +384,6 @@ class Road:
         """(x, y) of n points, shape (n, 2)."""
         x, y, heading, _ = self.poses(station_m).T
         return np.column_stack([x - offset_m * np.sin(heading), y + offset_m * np.cos(heading)])
-
-    def heights_at(self, station_m: ArrayLike) -> Array:
-        """Height [m] of the reference line at n stations, shape (n,); 0 on a flat road."""
-        if self.elevation is None:
-            return np.zeros(np.shape(station_m))
-        return self.elevation.heights_at(station_m)
-
-    def grade_at(self, station_m: float) -> float:
-        """Height per length at a station, + = uphill; 0 on a flat road."""
-        return 0.0 if self.elevation is None else self.elevation.grade_at(station_m)
 
     def nearest_coordinates(self, points_m: ArrayLike, *, steps: int = 4) -> Array:
         """(station, offset) of the nearest foot points of n points (x, y), shape (n, 2).

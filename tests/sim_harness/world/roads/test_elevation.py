@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_harness.world.roads.appearance import Section
-from sim_harness.world.roads.elevation import Elevation, ElevationPoint
+from sim_harness.world.roads.elevation import Bank, BankPoint, Elevation, ElevationPoint
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 
 GRADES = st.floats(-0.12, 0.12)
@@ -101,3 +101,65 @@ def test_a_road_without_a_profile_is_flat():
     assert flat.elevation is None
     assert flat.grade_at(50.0) == 0.0
     assert not flat.heights_at([0.0, 10.0]).any()
+
+
+def bank_along(*points: tuple[float, ...], closed: bool = False, length_m: float = 500.0) -> Bank:
+    names = ("at_m", "bank_rad", "rate_radpm")
+    made = [BankPoint(**dict(zip(names, point, strict=False))) for point in points]
+    return Bank(made, length_m=length_m, closed=closed)
+
+
+def test_a_road_rolls_into_its_bank_and_out_without_a_jerk():
+    bank = bank_along((100.0, 0.0), (140.0, 0.06), (200.0, 0.06), (240.0, 0.0))
+    for station_m, bank_rad in ((0.0, 0.0), (120.0, 0.03), (170.0, 0.06), (220.0, 0.03), (500.0, 0.0)):
+        assert bank.value_at(station_m) == pytest.approx(bank_rad, abs=1e-12)
+    for station_m in (100.0, 140.0, 170.0, 200.0, 240.0):
+        assert bank.slope_at(station_m) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_beyond_the_ends_of_an_open_road_the_bank_stays():
+    bank = bank_along((100.0, 0.02, 0.001), (200.0, 0.05, -0.001))
+    np.testing.assert_allclose(bank.values_at([-50.0, 50.0, 250.0]), [0.02, 0.02, 0.05])
+
+
+def test_the_bank_of_a_closed_road_returns_to_that_of_its_start():
+    bank = bank_along((10.0, 0.02), (250.0, -0.05), closed=True, length_m=400.0)
+    stations = np.linspace(0.0, 400.0, 21)
+    np.testing.assert_allclose(bank.values_at(stations), bank.values_at(stations + 400.0), atol=1e-12)
+
+
+def test_a_banked_road_is_higher_on_its_left_and_level_far_beside_it():
+    road = Road(
+        RoadSettings(
+            name="leaning",
+            closed=False,
+            lane_width_m=3.4,
+            segments=(Segment(length_m=200),),
+            sections=(Section(name="plain", start_m=0),),
+            bank=(BankPoint(at_m=0.0, bank_rad=0.05),),
+        )
+    )
+    heights_m = road.heights_at(np.full(4, 50.0), [-3.0, 3.0, 20.0, 40.0])
+    assert heights_m[1] == pytest.approx(3.0 * np.tan(0.05))
+    assert heights_m[0] == pytest.approx(-heights_m[1])
+    assert heights_m[2] == heights_m[3]
+
+
+def test_the_curvature_of_a_profile_is_that_of_its_vertical_curves():
+    hill = profile((100.0, 0.06), (220.0, -0.06), (300.0, -0.06))
+    assert hill.curvature_at(150.0) == pytest.approx(-0.12 / 120.0)
+    assert hill.curvature_at(250.0) == pytest.approx(0.0, abs=1e-15)
+
+
+@given(at_m=st.lists(st.floats(0.0, 390.0), min_size=1, max_size=4, unique=True), closed=st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_the_pieces_from_the_start_of_a_road_give_its_heights(at_m, closed):
+    assume(np.diff(sorted(at_m)).min(initial=1.0) > 0.1)
+    points = [(place, 0.02 * (-1) ** i) for i, place in enumerate(sorted(at_m))]
+    hill = profile(*points, length_m=400.0, closed=closed)
+    records = hill.records_from_start
+    assert records[0][0] == 0.0
+    for station_m in np.linspace(0.0, 399.0, 40):
+        start, a, b, c, d = [record for record in records if record[0] <= station_m][-1]
+        ds = station_m - start
+        assert a + b * ds + c * ds**2 + d * ds**3 == pytest.approx(hill.value_at(station_m), abs=1e-7)
