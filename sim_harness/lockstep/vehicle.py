@@ -15,8 +15,8 @@ from sim_harness.lockstep.run_up import drive_along, rail
 from sim_harness.lockstep.sensors import NoiseSettings, SimulatedSensors
 from sim_harness.lockstep.traffic import Actor, Traffic
 from sim_harness.scenarios.scenario import Scenario
-from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.build import build_plant
+from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import Road
 from trepid.car.vehicle import Vehicle
@@ -153,12 +153,11 @@ class SimulatedVehicle:
         self._traffic.step(self._run_time_s, period_s, nose_m=nose_m)
         self._users.step(self._run_time_s, period_s, nose_m=nose_m)
         self._ticks += 1
+        _stand_at(self._plant, self.road, self._place.station_m)
         if self._ticks <= 0:
             self._step_run_up()
         else:
-            self._pose = self._plant.step(
-                self._pose, add_grade(applied, self.road.grade_at(self._place.station_m)), period_s
-            )
+            self._pose = self._plant.step(self._pose, applied, period_s)
             near_m = self._place.station_m + self._pose.speed_mps * period_s
             self._place = locate(self.road, self._pose, near_m)
             if self._referee.must_recentre(self._pose, self._place):
@@ -191,6 +190,7 @@ class SimulatedVehicle:
     def _first(self) -> tuple[PlantState, Place]:
         """The first pose: at rest at the start, or rolling towards it."""
         start = self._start
+        _stand_at(self._plant, self.road, start.station_m)
         if not self._run_up_ticks:
             place = Place(start.station_m, start.offset_m, start.heading_rad)
             pose = self._move_to(self._plant.initial(), place)
@@ -243,7 +243,7 @@ class SimulatedVehicle:
             curvature_1pm=self.road.curvature_at(station_m),
             lane_width_m=self.road.width_at(station_m),
             lateral_accel_mps2=self._plant.lateral_accel_mps2(pose),
-            longitudinal_accel_mps2=pose.accel_mps2,
+            longitudinal_accel_mps2=self._plant.longitudinal_accel_mps2(pose),
             departures=referee.departures,
             interventions=referee.interventions,
             collisions=referee.collisions,
@@ -268,11 +268,7 @@ class SimulatedVehicle:
         )
 
 
-def add_grade(command: Command, grade: float) -> Command:
-    """``command`` with the part of the weight that acts along the road, -g·sin(atan(grade)).
-
-    The drive follows both with its lag. The car is held on a hill: at rest it does not roll backwards.
-    """
-    if grade == 0.0:
-        return command
-    return replace(command, accel_mps2=command.accel_mps2 - GRAVITY_MPS2 * math.sin(math.atan(grade)))
+def _stand_at(plant: Plant, road: Road, station_m: float) -> None:
+    """Give the plant the grade and the bank of the road there."""
+    if not road.flat:
+        plant.stand_on(road.grade_at(station_m), road.bank_at(station_m))

@@ -27,7 +27,7 @@ from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.road_file import ROAD_SUFFIXES, load_road_settings
 from sim_harness.world.roads.appearance import LaneWidth, Section
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturb
-from sim_harness.world.roads.elevation import ElevationPoint
+from sim_harness.world.roads.elevation import BankPoint, ElevationPoint
 from sim_harness.world.roads.features import Junction, RoadMark, Wall
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from supervisor.rules.rule_file import RuleFile
@@ -79,7 +79,7 @@ TagName = Annotated[
     ),
 ]
 SLOWEST_START_MPS = 0.1
-_ALONG = ("marks", "junctions", "walls", "elevation")
+_ALONG = ("marks", "junctions", "walls", "elevation", "bank")
 """Features along the road, which a scenario may replace."""
 
 
@@ -156,6 +156,7 @@ class Scenario(Settings):
     junctions: tuple[Junction, ...] | None = None  # as `marks`
     walls: tuple[Wall, ...] | None = None  # as `marks`
     elevation: tuple[ElevationPoint, ...] | None = None  # as `marks`
+    bank: tuple[BankPoint, ...] | None = None  # as `marks`
     lane_width_m: LaneWidth | None = None
     appearance: Appearance = Field(default_factory=Appearance)
     start: Start = Start()
@@ -269,7 +270,7 @@ class Scenario(Settings):
         for number, disturbance in enumerate(self.disturbances):
             if disturbance.kind is DisturbanceKind.TUNNEL_EXIT and road.elevation is not None:
                 return ("disturbances", number), "a tunnel needs a flat road, and this one has an elevation"
-        return self._problem_with_parts(settings)
+        return self._problem_with_parts(settings, road)
 
     def _problem_with_estimators(self) -> Problem | None:
         for name, file in self.networks.items():
@@ -284,26 +285,34 @@ class Scenario(Settings):
                 return ("estimators", number), f"{name!r} is named twice"
         return None
 
-    def _problem_with_parts(self, road: RoadSettings) -> Problem | None:
+    def _problem_with_parts(self, settings: RoadSettings, road: Road) -> Problem | None:
         if not self.rules_file.is_file():
             return ("rules",), f"no rule file {self.rules_file}"
         others = "traffic" if self.traffic else "road_users" if self.road_users else ""
-        if others and (self.lane_width_m or road.lane_width_m) < PUBLIC_LANE_M:
+        if others and (self.lane_width_m or settings.lane_width_m) < PUBLIC_LANE_M:
             return (others,), "other vehicles are those of public roads, and these lanes are of models"
-        vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-        try:
-            build_plant(self.plant, vehicle)
-        except InputError as error:
-            return ("plant",), str(error).removeprefix("plant: ")
+        problem = self._problem_with_plant(road)
+        if problem:
+            return problem
         for number, fault in enumerate(self.faults):
             if isinstance(fault, FrozenCamera | BlackFrames) and self.sight is Sight.TRUTH:
                 return ("faults", number), f"{fault.kind}: with sight: truth there is no image"
-        known = self._names_in_conditions(road) if self.expect.conditions else {}
+        known = self._names_in_conditions(settings) if self.expect.conditions else {}
         for number, text in enumerate(self.expect.conditions):
             try:
                 parse_condition(text).check(known)
             except ValueError as error:
                 return ("expect", "conditions", number), str(error)
+        return None
+
+    def _problem_with_plant(self, road: Road) -> Problem | None:
+        vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+        try:
+            plant = build_plant(self.plant, vehicle)
+        except InputError as error:
+            return ("plant",), str(error).removeprefix("plant: ")
+        if road.bank is not None and not plant.LEANS:
+            return ("plant", "model"), f"model {str(self.plant.model)!r} does not simulate a banked road"
         return None
 
     def lost_processes(self, elapsed_s: float) -> set[str]:

@@ -5,7 +5,7 @@ For a constant demand they have closed solutions, so nothing is integrated:
     steering   δ_s' = clip((demand(t - T) - δ_s)/τ, ±rate)        first order with a rate limit, dead time T
     tyres      δ = δ_s + p + offset,  p follows δ_s by the play operator: δ_s + p moves only when |p| would pass
                the half-width f, i.e. p ← clip(p - Δδ_s, ±f)
-    drive      a' = (demand - a)/τ_a,   v' = a,   v ≥ 0
+    drive      a' = (demand - a)/τ_a,   v' = a + p,   v ≥ 0,   with the pull p of the weight along the road
 
 The play operator is a spring of stiffness k that turns the wheels against Coulomb friction of torque k·f, without
 inertia: they stick until the spring is wound up by f, slip behind it by f, and stick again at every reversal.
@@ -54,6 +54,7 @@ class Actuators:
         self.accel_lag_s = vehicle.accel_lag_s
         self.offset_rad = settings.steering_offset_rad
         self.friction_rad = settings.steering_friction_rad
+        self.pull_mps2 = 0.0  # of the weight along the vehicle, - = uphill
 
     def drive(self, state: PlantState, command: Command, dt_s: float, advance: Advance) -> PlantState:
         """``state`` after ``dt_s`` under ``command``.
@@ -101,13 +102,17 @@ class Actuators:
         return self.at(state), middle, self.after(state, accel_demand_mps2, h)
 
     def _speed(self, state: PlantState, demand_mps2: float, t: float) -> tuple[float, float]:
-        """Speed and acceleration after ``t`` [s] under a constant demand; the speed never becomes negative."""
+        """Speed, and acceleration by the drive, after ``t`` [s] under a constant demand.
+
+        The speed never becomes negative: the brakes hold a car at rest on a hill.
+        """
         v0, a0, lag_s = state.speed_mps, state.accel_mps2, self.accel_lag_s
-        if v0 == 0.0 and demand_mps2 <= 0.0:
+        net_mps2 = demand_mps2 + self.pull_mps2
+        if v0 == 0.0 and net_mps2 <= 0.0:
             return 0.0, 0.0
         decay = math.exp(-t / lag_s) if lag_s > 0.0 else 0.0
         accel_mps2 = demand_mps2 + (a0 - demand_mps2) * decay
-        speed_mps = v0 + demand_mps2 * t + (a0 - demand_mps2) * lag_s * (1.0 - decay)
+        speed_mps = v0 + net_mps2 * t + (a0 - demand_mps2) * lag_s * (1.0 - decay)
         if speed_mps > 0.0:
             return speed_mps, accel_mps2
         return 0.0, at_least(accel_mps2, 0.0)

@@ -65,7 +65,7 @@ class CommonRoadPlant(ForeignPlant):
     ) -> tuple[Pose, Actuation, Inner]:
         before, end = self.actuators.at(state), self.actuators.after(state, accel_demand_mps2, h)
         steps = math.ceil(h * self._stiffness_mps2 / (_SETTLING * state.speed_mps))
-        inputs = ((end.tyre_angle_rad - before.tyre_angle_rad) / h, end.accel_mps2)
+        inputs = ((end.tyre_angle_rad - before.tyre_angle_rad) / h, end.accel_mps2 + self.actuators.pull_mps2)
         vector = self._vector(state, start, before)
         for _ in range(steps):
             vector = rk4(self._model.rates, vector, inputs, inputs, inputs, h / steps)

@@ -23,6 +23,7 @@ Inner = tuple[float, ...]
 class ForeignPlant(Plant):
     """A model of another package above ``ROLLING_MPS``, the kinematic plant below."""
 
+    LEANS = False
     ROLLING_MPS: ClassVar[float]
     YAW_RATE_AT: ClassVar[int]  # index of the yaw rate in ``PlantState.inner``
 
@@ -32,6 +33,10 @@ class ForeignPlant(Plant):
         super().__init__(vehicle, settings)
         self._rolling = rolling
         self._cg_m = cg_to_rear_m
+
+    def stand_on(self, grade: float, bank_rad: float) -> None:
+        super().stand_on(grade, bank_rad)
+        self._rolling.stand_on(grade, bank_rad)
 
     def yaw_rate_radps(self, state: PlantState) -> float:
         return state.inner[self.YAW_RATE_AT] if state.inner else self._rolling.yaw_rate_radps(state)

@@ -63,6 +63,12 @@ class KinematicPlant(Plant):
             return curvature
         return self._slide_curvature_1pm(lateral_mps2, speed_mps, accel_mps2)
 
+    def stand_on(self, grade: float, bank_rad: float) -> None:
+        before_mps2 = self.bank_mps2
+        super().stand_on(grade, bank_rad)
+        if self.bank_mps2 != before_mps2:
+            self._known = self._last = None
+
     def yaw_rate_radps(self, state: PlantState) -> float:
         if state is self._last:
             return self._known_rate

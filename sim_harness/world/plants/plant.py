@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 from sim_harness.world.plants.actuators import Actuators
 from sim_harness.world.plants.axles import ANTI_LOCK, GRAVITY_MPS2
@@ -12,13 +13,19 @@ from trepid.messages import Command, VehicleState
 
 
 class Plant(ABC):
-    """A vehicle on the road plane; the reference point is the centre of the rear axle.
+    """A vehicle on the plane of the road under it; the reference point is the centre of the rear axle.
+
+    The plane has the grade of the road, and leans by its bank. The weight pulls along the vehicle by
+    -g·sin(atan(grade)), and across it to the lower side.
 
     A model implements ``advance``, ``yaw_rate_radps`` and ``steady_angle_rad``.
     """
 
+    LEANS: ClassVar[bool] = True
+    """Whether the model simulates a bank."""
+
     def __init__(self, vehicle: Vehicle, settings: PlantSettings) -> None:
-        self.vehicle = vehicle
+        self.vehicle, self._settings = vehicle, settings
         self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
         self.grip_mps2 = settings.friction * GRAVITY_MPS2 * math.cos(settings.bank_rad)
         self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
@@ -43,6 +50,16 @@ class Plant(ABC):
             inner=self.steady_inner(curvature_1pm, speed_mps),
         )
 
+    def stand_on(self, grade: float, bank_rad: float) -> None:
+        """Take the grade and the bank of the road for the steps that follow.
+
+        The bank adds to that of the settings.
+        """
+        lean_rad = self._settings.bank_rad + bank_rad
+        self.bank_mps2 = GRAVITY_MPS2 * math.sin(lean_rad)
+        self.grip_mps2 = self._settings.friction * GRAVITY_MPS2 * math.cos(lean_rad)
+        self.actuators.pull_mps2 = -GRAVITY_MPS2 * math.sin(math.atan(grade))
+
     def step(self, state: PlantState, command: Command, dt_s: float) -> PlantState:
         """State after ``dt_s`` under ``command``. Raises ValueError when a demand is not finite."""
         return self.actuators.drive(state, command, dt_s, self.advance)
@@ -50,6 +67,10 @@ class Plant(ABC):
     def lateral_accel_mps2(self, state: PlantState) -> float:
         """Lateral acceleration v·ψ' in the plane of the road, positive to the left."""
         return state.speed_mps * self.yaw_rate_radps(state)
+
+    def longitudinal_accel_mps2(self, state: PlantState) -> float:
+        """Change of the speed: drive and brakes, and the weight; 0 at rest, where the brakes hold."""
+        return state.accel_mps2 + self.actuators.pull_mps2 if state.speed_mps > 0.0 else state.accel_mps2
 
     def measure(self, state: PlantState, t_s: float) -> VehicleState:
         """``state`` as sensors without noise measure it at ``t_s``."""

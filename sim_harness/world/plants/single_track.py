@@ -50,6 +50,10 @@ class SingleTrackPlant(Plant):
         fastest_radps = _fastest_mode_mps2(self.axles) / SETTLES_AS_AT_MPS
         self._max_step_s = min(MAX_STEP_S, STEP_OF_FASTEST_MODE / fastest_radps)
 
+    def stand_on(self, grade: float, bank_rad: float) -> None:
+        super().stand_on(grade, bank_rad)
+        self._quasi_static.stand_on(grade, bank_rad)
+
     def steady_inner(self, curvature_1pm: float, speed_mps: float) -> tuple[float, ...]:
         """(β, κ) of the steady state on ``curvature_1pm``."""
         return self._drift(curvature_1pm * speed_mps * speed_mps + self.bank_mps2), curvature_1pm

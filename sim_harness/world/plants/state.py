@@ -11,7 +11,7 @@ class PlantState:
     y_m: float = 0.0
     yaw_rad: float = 0.0  # not wrapped: grows by 2π per left-hand lap
     speed_mps: float = 0.0  # along the vehicle; never negative
-    accel_mps2: float = 0.0
+    accel_mps2: float = 0.0  # by drive and brakes, without the pull of the weight on a hill
     road_wheel_angle_rad: float = 0.0  # as measured by the steering sensor
     acting_demand_rad: float = 0.0  # the demand that acts on the steering
     pending: tuple[tuple[float, float], ...] = ()  # (time at which it acts [s], demand [rad]), earliest first
