@@ -73,8 +73,8 @@ def bench(
         int | None,
         typer.Option(
             min=1,
-            help="perception, imitation, fear-severity, sight, within-sight, people, tracks: processes; "
-            "faults: drives; default: 1.",
+            help="perception, imitation, fear-severity, sight, within-sight, people, tracks, measured-faults, "
+            "study-samplers, suite: processes; faults: drives; default: 1, suite 2.",
         ),
     ] = None,
     keep_frames: Annotated[

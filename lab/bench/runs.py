@@ -8,7 +8,6 @@ from typing import Any
 
 from trepid.config import ROOT, InputError
 
-JOBS = 2
 SCORES = (
     *("distance_m", "duration_s", "departures", "interventions", "max_lateral_error_m"),
     *("rms_lateral_error_m", "mean_speed_mps", "max_fear", "mean_fear"),
@@ -30,9 +29,9 @@ def bench_drive() -> Row:
     }
 
 
-def bench_suite(seed: int) -> Row:
-    """Run all scenarios; return totals, and the same figures for each tag."""
-    rows = trepid("sim", "run", "all", "--seed", str(seed), "--jobs", str(JOBS))
+def bench_suite(seed: int, *, jobs: int = 2) -> Row:
+    """Run all scenarios on ``jobs`` processes; return totals, and the same figures for each tag."""
+    rows = trepid("sim", "run", "all", "--seed", str(seed), "--jobs", str(jobs))
     tags = {row["name"]: row["tags"] for row in trepid("sim", "list")}
     known = sorted({tag for of_one in tags.values() for tag in of_one})
     by_tag = {tag: figures([row for row in rows if tag in tags[row["scenario"]]]) for tag in known}

@@ -131,7 +131,7 @@ def warnings_s(trace: Trace) -> list[float]:
     return found
 
 
-def bench_supervision(seed: int, quick: bool = False) -> Row:
+def bench_supervision(seed: int, *, quick: bool = False) -> Row:
     """The table of drivers, and the figures of fear; ``quick``: of the supervised car alone."""
     path = WORK_DIR / "runs" / f"supervision_{seed}.jsonl"
     return summary(drive_all(seed, CASES, path, supervised_only=quick))
