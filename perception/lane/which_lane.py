@@ -3,7 +3,8 @@
 Two finders look at each frame: the search between likely heights of the camera (:mod:`.unknown_camera`), which is
 precise where both boundaries of a lane are of one kind, and the pairs of boundaries of a street
 (:mod:`.street_finder`), of any kinds. The more probable lane is reported (:mod:`.street.rating`); each counts for
-the other where they agree, and against it where they do not.
+the other where they agree, and against it where they do not. Of two that agree, one that its own finder doubts is
+not reported: the search may remember one that slid off the boundaries of the road.
 
 The pairs are hypotheses kept over time: those of a frame, moved with the vehicle, weigh the pairs of the next one.
 The side of the traffic is that of the car file, or learned from kerbs beside lines.
@@ -41,6 +42,7 @@ FORGET_S = 1.0  # after a longer pause nothing is kept
 ROAD_ROWS = 0.7  # the road right ahead is below this share of the height of the image
 UNEVEN = 2.0  # of a lane of which too little is visible
 MIN_AGREEMENT = 0.9  # from which both finders have the same lane
+PROBABLE = 0.5  # lane of the search on its own, whose more precise place is reported
 OTHER_LANE = "at other likely heights of the camera, or beside it, it is another lane"
 
 
@@ -78,9 +80,7 @@ class WhichLane:
         self._last: tuple[Frame, SteeringEstimate] | None = None
         self._kept: RememberedFrame | None = None
         self._traffic_log_odds = 0.0  # of left-hand traffic, learned
-        self.looks: tuple[
-            FinderLane, ...
-        ] = ()  # of the last frame: of the search, then of the pair if there is one
+        self.looks: tuple[FinderLane, ...] = ()  # of the last frame: of the search, then of the pair if any
 
     @property
     def on_left(self) -> float:
@@ -176,13 +176,10 @@ class WhichLane:
         most = either(searched.confidence, lane.pair.probability, agreement=same)
         by_search = min(probability_of(of_search, weights.searched), most)
         by_pair = probability_of(of_pair, weights.pair)
-        if same >= MIN_AGREEMENT and searched.lanes_detected == 2:
+        if same >= MIN_AGREEMENT and searched.lanes_detected == 2 and searched.confidence >= PROBABLE:
             return replace(searched, confidence=max(by_search, by_pair))
-        return (
-            _with_confidence(searched, by_search)
-            if by_search >= by_pair
-            else _with_confidence(paired, by_pair)
-        )
+        best = (searched, by_search) if by_search >= by_pair else (paired, by_pair)
+        return _with_confidence(*best)
 
     def _estimate(self, lane: StreetLane, t_s: float) -> SteeringEstimate:
         """The estimate for ``lane``; metres are those of the mean height given the pair."""

@@ -115,12 +115,10 @@ class Segmenter:
         taken = self._about.input
         planes = cv2.split(image)[::-1] if taken.colours == "rgb" else cv2.split(image)
         pixels = np.empty((1, 3, *image.shape[:2]), np.float32)
-        for filled, plane, mean, deviation in zip(
-            pixels[0], planes, taken.mean, taken.deviation, strict=True
-        ):
-            np.multiply(plane, np.float32(1 / (255 * deviation)), out=filled)
+        for filled, plane, mean, sigma in zip(pixels[0], planes, taken.mean, taken.deviation, strict=True):
+            np.multiply(plane, np.float32(1 / (255 * sigma)), out=filled)
             if mean:
-                np.subtract(filled, np.float32(mean / deviation), out=filled)
+                np.subtract(filled, np.float32(mean / sigma), out=filled)
         return pixels
 
     def _probability(self, output: Floats, mask: MaskOutput) -> Floats:

@@ -33,12 +33,9 @@ def draw_masks(masks: Masks) -> Image:
     """The picture of ``masks``, (h, w, 3) uint8 BGR."""
     lines, area = masks.lines, masks.area
     shape = (lines if lines is not None else area).shape  # type: ignore[union-attr]
-    if area is None:
-        road = np.ones(shape, np.float32)
-    elif lines is None:
-        road = area
-    else:
-        road = np.maximum(area, lines)  # a line lies on the road
+    road = np.ones(shape, np.float32) if area is None else area
+    if lines is not None:
+        road = np.maximum(road, lines)  # a line lies on the road
     picture = _mix_colours(AREA, REST, road)
     if lines is not None:
         picture = _mix_colours(LINE, picture, crests(crest_probability(lines)))

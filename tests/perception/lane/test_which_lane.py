@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
@@ -43,6 +45,26 @@ def test_a_plain_marked_lane_is_sure_and_both_finders_have_it():
     seen = estimate_by(finder, image)
     assert seen.confidence > 0.6 and seen.lanes_detected == 2 and len(finder.looks) == 2
     assert seen.lane_width_m == pytest.approx(3.4, rel=0.15)
+
+
+@pytest.mark.parametrize(("doubted", "own"), [(False, 0.9), (True, 0.1)])
+def test_of_two_lanes_that_agree_one_that_its_own_finder_doubts_is_not_reported(doubted, own):
+    image = road(STRAIGHT, camera=DASHCAM)
+    finder = unknown(image)
+    estimate_by(finder, image)
+    paired = finder.looks[1].estimate
+    left_px, right_px = paired.left_boundary_px, paired.right_boundary_px
+    slid = tuple(
+        (x + 0.06 * (right - x), y) for (x, y), (right, _) in zip(left_px, right_px, strict=False)
+    )  # a lane of the search beside the line by 6 % of the width
+    aside = replace(paired, confidence=own, lanes_detected=2, left_boundary_px=slid)
+    finder._searched.step = lambda *_, **__: aside
+    seen = estimate_by(finder, image, t_s=0.1)
+    reported = np.array(seen.left_boundary_px[:5])[:, 0]
+    width = np.array(right_px[:5])[:, 0] - np.array(left_px[:5])[:, 0]
+    share = (reported - np.array(left_px[:5])[:, 0]) / width
+    assert share == pytest.approx(0.0 if doubted else 0.06, abs=0.02)
+    assert seen.confidence > 0.5
 
 
 def test_an_image_without_a_lane_has_no_confidence():
