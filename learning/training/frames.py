@@ -68,3 +68,9 @@ def read_frames(
         pieces_of(rows),
         tuple(dict.fromkeys(rows["route"].tolist())),
     )
+
+
+def forget_frames(split: str, folder: Path) -> None:
+    """Remove the frames of ``split`` that :func:`read_frames` keeps in ``folder``."""
+    for suffix in (".npy", ".json"):
+        (folder / f"{split}{suffix}").unlink()

@@ -65,6 +65,10 @@ def averaged_model(network: nn.Module, decay: float) -> AveragedModel | None:
 EVALUATION_BATCH = 128
 
 
+class Divergence(InputError):
+    """The loss or an angle of a network in training is not finite."""
+
+
 @dataclass(slots=True)
 class Progress:
     """Where a training stands: the content of a checkpoint besides weights and optimiser."""
@@ -101,7 +105,7 @@ class Trainer:
     def run(self, *, resume: bool) -> Progress:
         """Train; the network ends with the weights of the best epoch, 0 for those of :meth:`keep_first`.
 
-        Raises InputError for a loss that is not finite, and for damaged checkpoints or those of another training.
+        Raises Divergence, and InputError for damaged checkpoints or those of another training.
         """
         torch.set_num_threads(self.recipe.threads)
         saved = self.checkpoints.of(self.identity, self.report) if resume else None
@@ -157,7 +161,7 @@ class Trainer:
             seed_step(self.recipe.seed, progress.epoch, progress.step)
             value = self._loss(batch)
             if not math.isfinite(value.item()):
-                raise InputError(
+                raise Divergence(
                     f"the loss is not finite in step {progress.step + 1} of epoch {progress.epoch + 1}: "
                     f"lower the learning rate of the stage {stage.name!r}, now {stage.learning_rate:g}"
                 )
@@ -182,7 +186,7 @@ class Trainer:
         assert isinstance(judged, SteeringNetwork)
         mae_rad = mean_error_rad(judged, self.validation)
         if not math.isfinite(mae_rad):
-            raise InputError(
+            raise Divergence(
                 f"the network gives no finite angle after epoch {progress.epoch + 1}: lower the learning rate"
             )
         loss = progress.loss_sum / len(self.batches)

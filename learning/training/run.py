@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -24,7 +24,7 @@ from learning.training.calibrate import error_scores, interval, set_sigma
 from learning.training.card import check_card, write_card, write_curve
 from learning.training.checkpoint import Checkpoints
 from learning.training.export import export, origin_commit
-from learning.training.frames import Frames, read_frames, share_of
+from learning.training.frames import Frames, forget_frames, read_frames, share_of
 from learning.training.labels import training_labels, weights
 from learning.training.loop import Progress, Trainer, predict
 from learning.training.pretrain import pretrain
@@ -38,25 +38,33 @@ from trepid.types import Floats
 HISTOGRAM_FRAMES = 500
 
 
-def run(
+class Training(NamedTuple):
+    """A network with the weights of its best epoch, and what it learned from."""
+
+    network: SteeringNetwork
+    train: Frames
+    validation: Frames
+    progress: Progress
+    trunk: str  # the origin of the first weights of the trunk
+    device: torch.device
+
+
+def train_network(
     data: Dataset,
     name: str,
     out: Path,
     recipe: Recipe,
     *,
     resume: bool,
-    command: str,
     report: Callable[[str], None],
     start: Path | None = None,
-) -> dict[str, Any]:
-    """Train the network ``name`` and write ``out`` with its card; the metadata of the file. Raises InputError.
+) -> Training:
+    """Train the network ``name`` on the GPU that torch sees, else on the CPU. Raises InputError.
 
-    The folder ``out`` + ``.train`` holds the frames until the end, the checkpoints, and the learning curve.
-    ``start``: the network whose weights are the first ones; None: those of the recipe. The metadata have the
-    ``findings`` and the ``conclusion`` of the validation frames (:mod:`learning.judging.baselines`).
+    The folder ``out`` + ``.train`` holds the frames, the checkpoints, and the learning curve. ``start``: the
+    network whose weights are the first ones; None: those of the recipe.
     """
     work, checkpoints = work_folder(out), checkpoints_of(out)
-    check_card(out.with_suffix(".md"))
     if start is not None:
         check_start(start)
     if not resume:
@@ -90,21 +98,41 @@ def run(
     elif recipe.pretrain_epochs and not (resume and checkpoints.exist()):
         early = Checkpoints(work / "auto-encoder")
         pretrain(network, recipe, train, early, trainer.identity, report, resume=resume)
-    progress = trainer.run(resume=resume)
+    return Training(network, train, validation, trainer.run(resume=resume), trunk, device)
+
+
+def run(
+    data: Dataset,
+    name: str,
+    out: Path,
+    recipe: Recipe,
+    *,
+    resume: bool,
+    command: str,
+    report: Callable[[str], None],
+    start: Path | None = None,
+) -> dict[str, Any]:
+    """:func:`train_network`, and write ``out`` with its card; the metadata of the file. Raises InputError.
+
+    The frames are removed at the end. The metadata have the ``findings`` and the ``conclusion`` of the validation
+    frames (:mod:`learning.judging.baselines`).
+    """
+    check_card(out.with_suffix(".md"))
+    training = train_network(data, name, out, recipe, resume=resume, report=report, start=start)
+    network, train, validation = training.network, training.train, training.validation
     set_sigma(network, validation)
-    metadata = dict(_metadata(data, name, network, recipe, train, validation), trunk=trunk)
+    metadata = dict(_metadata(data, name, network, recipe, train, validation), trunk=training.trunk)
     metadata |= _learning(data, train, predict(network, validation)[0])
     difference = export(network, out, train=train, validation=validation, metadata=metadata)
     write_card(
         out.with_suffix(".md"),
         metadata,
         recipe,
-        progress,
-        _facts(data, command, progress, device, difference),
+        training.progress,
+        _facts(data, command, training.progress, training.device, difference),
     )
     for split in ("train", "validation"):
-        (work / f"{split}.npy").unlink()
-        (work / f"{split}.json").unlink()
+        forget_frames(split, work_folder(out))
     return metadata
 
 
