@@ -203,9 +203,9 @@ BENCHMARKS = {
         continued=True,
     ),
     "study-deep-steer": Benchmark(
-        "study.learned",
-        "Deep Steer's tables 2 to 4 beside networks trained here, each from random weights in one stage of 8"
-        " epochs, InceptionV3 on images of 96×128; the paper's VGG and recurrent networks are not trained here",
+        "study.papers",
+        "Deep Steer's tables 2 to 4 beside its networks and those of Trepid, trained here on the same frames from"
+        " the first weights that each row states; without a GPU on smaller frames",
         continued=True,
     ),
     "study-train-your-own": Benchmark(

@@ -39,49 +39,6 @@ SIZES = ((320, 240), (160, 120), (80, 60), (40, 30))
 HEADS = ("regression", "gaussian", "laplace", "categorical")
 HISTOGRAMS = ("none", "equalise", "match")
 GAINS = (0.5, 0.7, 1.0, 1.4, 2.0)
-BESIDE_PAPER: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recipe
-    "steer": {},
-    "pilotnet": {},
-    "donkey-linear": {},
-    # frames of 320×240 take hours on two cores; the paper's RMSprop fits a trunk that ImageNet has trained
-    "inception-v3": {
-        "height_px": "96",
-        "width_px": "128",
-        "batch": "16",
-        "optimiser": "adam",
-        "unit": "spread",
-    },
-}
-PAPER: Mapping[str, Row] = {  # tables 2 to 4, and section 5.2
-    "InceptionV3, paper": {
-        "train_deg": 2.96,
-        "validation_deg": 3.08,
-        "test_deg": 3.10,
-        "unseen_deg": 4.25,
-        "train_r2": 0.97,
-        "validation_r2": 0.97,
-        "test_r2": 0.97,
-    },
-    "VGG16, paper": {
-        "train_deg": 3.82,
-        "validation_deg": 3.81,
-        "test_deg": 3.88,
-        "unseen_deg": 5.17,
-        "train_r2": 0.95,
-        "validation_r2": 0.94,
-        "test_r2": 0.94,
-    },
-    "VGG19, paper": {
-        "train_deg": 4.33,
-        "validation_deg": 4.29,
-        "test_deg": 4.41,
-        "unseen_deg": 5.05,
-        "train_r2": 0.91,
-        "validation_r2": 0.90,
-        "test_r2": 0.90,
-    },
-    "RNN, paper": {"train_deg": 2.51, "validation_deg": 2.64, "test_deg": 2.67, "unseen_deg": 3.82},
-}
 
 
 class Variant(NamedTuple):
@@ -133,27 +90,13 @@ def _network(variant: Variant, sets: Sets) -> Path:
 
 def scores(sets: Sets, network: Path) -> Row:
     """Errors of the steering wheel on the unseen roads."""
-    return _errors(sets.unseen, network, "test")
-
-
-def _errors(data: Dataset, network: Path, split: str) -> Row:
     cv2.setNumThreads(1)
-    bench, model = Bench(data, split, ratio=BIN_RATIO), JudgedModel(str(network))
-    row = bench.row(model, model.predict(data, bench.rows))
+    bench, model = Bench(sets.unseen, "test", ratio=BIN_RATIO), JudgedModel(str(network))
+    row = bench.row(model, model.predict(sets.unseen, bench.rows))
     kept = ("mae_deg", "rmse_deg", "r2", "rate_rms_degps", "latency_ms", "parameters")
     found = {name: row[name] for name in kept if name in row}
     found["always_straight_deg"] = row["baselines"]["always_straight"]["mae_deg"]
     return {name: round(value, 3) if isinstance(value, float) else value for name, value in found.items()}
-
-
-def all_splits(sets: Sets, network: Path) -> Row:
-    """The errors in the layout of the paper's tables."""
-    rows = {split: _errors(sets.random, network, split) for split in ("train", "validation", "test")} | {
-        "unseen": scores(sets, network)
-    }
-    errors = {f"{split}_deg": row["mae_deg"] for split, row in rows.items()}
-    explained = {f"{split}_r2": row["r2"] for split, row in rows.items()}
-    return errors | explained | {"parameters": rows["unseen"]["parameters"]}
 
 
 def under_light(sets: Sets, network: Path) -> Row:
@@ -273,15 +216,3 @@ def bench_histogram(seed: int) -> Row:
         for name in HISTOGRAMS
     }
     return {"histogram": _study(seed, "histogram", variants)}
-
-
-def bench_deep_steer(seed: int) -> Row:
-    """Tables 2 to 4 of the paper beside networks of Trepid on its own drives.
-
-    The paper's network with InceptionV3 is one of them: from random weights instead of those of ImageNet, hence in
-    one stage and by Adam, with frames of 96×128 px.
-    """
-    variants = {
-        model: _variant(seed, model, all_splits, **changes) for model, changes in BESIDE_PAPER.items()
-    }
-    return {"mean absolute error": {**PAPER, **_study(seed, "deep-steer", variants)}}

@@ -1,0 +1,209 @@
+"""The networks of Deep Steer and of Trepid, trained on the same frames, beside the tables of the paper.
+
+No package carries the ImageNet weights of InceptionV3 and VGG: their trunks begin with random weights, or with
+those of an auto-encoder of the same frames, and so learn in one stage by Adam instead of two by RMSprop. The paper
+drove each path in both directions: here half of the frames are mirrored. They have no other augmentation, and the
+histogram matching of the paper. Where torch sees a GPU the frames have the size of the paper; without one they have
+the REDUCED sizes, which two cores train in a night.
+"""
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from lab.bench.imitation.training_code import code_of_training, one_stage
+from lab.bench.study.learned import JUDGING, Row, Sets, folder, study_sets
+from learning.dataset.dataset import Dataset
+from learning.judging.evaluate import BIN_RATIO
+from learning.judging.scores import errors
+from learning.rendered import need_torch, say
+from learning.training.recipe import Recipe, load_recipe
+from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
+from sim_harness.sweep.store import stored_rows
+
+_AS_PAPER = {"first weights": "ImageNet", "recipe": "RMSprop, two stages", "frame": "320×240"}
+PAPER: Mapping[str, Row] = {  # tables 2 to 4, and section 5.2
+    "InceptionV3, paper": {
+        "train_deg": 2.96,
+        "validation_deg": 3.08,
+        "test_deg": 3.10,
+        "unseen_deg": 4.25,
+        "train_r2": 0.97,
+        "validation_r2": 0.97,
+        "test_r2": 0.97,
+        **_AS_PAPER,
+    },
+    "VGG16, paper": {
+        "train_deg": 3.82,
+        "validation_deg": 3.81,
+        "test_deg": 3.88,
+        "unseen_deg": 5.17,
+        "train_r2": 0.95,
+        "validation_r2": 0.94,
+        "test_r2": 0.94,
+        **_AS_PAPER,
+    },
+    "VGG19, paper": {
+        "train_deg": 4.33,
+        "validation_deg": 4.29,
+        "test_deg": 4.41,
+        "unseen_deg": 5.05,
+        "train_r2": 0.91,
+        "validation_r2": 0.90,
+        "test_r2": 0.90,
+        **_AS_PAPER,
+    },
+    "RNN, paper": {
+        "train_deg": 2.51,
+        "validation_deg": 2.64,
+        "test_deg": 2.67,
+        "unseen_deg": 3.82,
+        **_AS_PAPER,
+    },
+}
+
+REDUCED: Mapping[str, tuple[int, int]] = {  # network -> width, height [px] on a CPU
+    "inception-v3": (128, 96),
+    "vgg16": (64, 48),
+    "vgg19": (64, 48),
+    "inception-rnn-as-printed": (128, 96),
+    "inception-rnn": (128, 96),
+}
+EPOCHS = {"cuda": 12, "cpu": 8}
+JOBS = {"cuda": 4, "cpu": 1}  # trainings at a time
+RATE, RATE_VGG = 1.0e-3, 1.0e-4  # VGG has no batch normalisation
+WINDOW = 8  # frames of a sequence
+PRETRAIN_EPOCHS = 4
+AUTO_ENCODER = "inception-v3, auto-encoder first"
+_OFF = dict.fromkeys(("brightness", "colour", "shadow", "blur", "noise", "erase", "flicker"), "0")
+OF_PAPER: dict[str, str] = {
+    "batch": "32",
+    "optimiser": "adam",
+    "unit": "spread",
+    **{f"augmentation.{name}": share for name, share in _OFF.items()},
+}
+NETWORKS: Mapping[str, Mapping[str, str]] = {  # row -> changes of the recipe
+    "vgg19": OF_PAPER | {"initialisation": "he"},
+    "vgg16": OF_PAPER | {"initialisation": "he"},
+    # as many sequences as frames would show each frame WINDOW times in an epoch
+    "inception-rnn": OF_PAPER | {"batch": "8", "window": str(WINDOW), "frames_share": str(1 / WINDOW)},
+    AUTO_ENCODER: OF_PAPER | {"pretrain_epochs": str(PRETRAIN_EPOCHS)},
+    "inception-rnn-as-printed": OF_PAPER,
+    "inception-v3": OF_PAPER,
+    "steer": {},
+    "pilotnet": {},
+    "donkey-linear": {},
+}
+"""In the order of the trainings: the longest first."""
+
+
+class Contestant(NamedTuple):
+    """A training: its network, its recipe, the folders of its data sets, and where its checkpoints are."""
+
+    model: str
+    changes: tuple[tuple[str, str], ...]  # of the recipe
+    random: Path
+    unseen: Path
+    checkpoints: Path
+
+    @property
+    def recipe(self) -> Recipe:
+        """The recipe with the changes."""
+        return load_recipe(self.model, None, overrides=dict(self.changes))
+
+
+def changes_of(row: str, seed: int, device: str) -> dict[str, str]:
+    """The changes of the recipe of a row for a device, "cuda" or "cpu"."""
+    model = model_of(row)
+    rate = RATE_VGG if model.startswith("vgg") else RATE
+    found = {"seed": str(seed), "stages": one_stage(EPOCHS[device], rate), **NETWORKS[row]}
+    if device == "cpu" and model in REDUCED:
+        width_px, height_px = REDUCED[model]
+        found |= {"width_px": str(width_px), "height_px": str(height_px)}
+    return found
+
+
+def model_of(row: str) -> str:
+    """The network of a row."""
+    return row.partition(",")[0]
+
+
+def trainings(sets: Sets, seed: int, device: str) -> tuple[dict[str, Contestant], dict[str, str]]:
+    """The training of each row on a device, and the hash of all that its scores depend on."""
+    code = fingerprint(*import_closure([__name__, *JUDGING]), "config")
+    tasks, codes = {}, {}
+    for row in NETWORKS:
+        model, changes = model_of(row), changes_of(row, seed, device)
+        recipe = load_recipe(model, None, overrides=changes)
+        digest = short_hash(code_of_training(model), recipe.model_dump_json(), sets.random.sha256)
+        folders = (sets.random.folder, sets.unseen.folder, folder(seed) / f"{model}-{digest}")
+        tasks[row] = Contestant(model, tuple(changes.items()), *folders)
+        codes[row] = short_hash(code, digest, sets.unseen.folder.name, device)
+    return tasks, codes
+
+
+def bench_deep_steer(seed: int) -> Row:
+    """Tables 2 to 4 of the paper beside its networks and those of Trepid, trained on the same frames.
+
+    A GPU is shared by JOBS trainings.
+    """
+    need_torch("bench study deep-steer")
+    import torch
+
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    tasks, codes = trainings(study_sets(seed), seed, device)
+    path, jobs = folder(seed) / "deep-steer.jsonl", JOBS[device]
+    rows = stored_rows(path, trained_row, tasks, codes=codes, jobs=jobs)
+    return {"mean absolute error": {**PAPER, **dict(zip(tasks, rows, strict=True))}}
+
+
+def trained_row(one: Contestant) -> Row:
+    """Train a network, from its last checkpoint on, and the errors of the steering wheel in all splits.
+
+    A training whose loss leaves the finite numbers has the row that says so.
+    """
+    import torch
+
+    from learning.training.frames import forget_frames, read_frames
+    from learning.training.loop import Divergence, predict
+    from learning.training.run import train_network
+    from learning.training.start import work_folder
+
+    recipe, sets = one.recipe, (Dataset.open(one.random), Dataset.open(one.unseen))
+    stage = recipe.stages[0]
+    found: Row = {
+        "first weights": f"auto-encoder, {recipe.pretrain_epochs} epochs"
+        if recipe.pretrain_epochs
+        else "random",
+        "recipe": f"{recipe.optimiser} {stage.learning_rate:g}, {stage.epochs} epochs, batches of {recipe.batch}",
+        "device": torch.cuda.get_device_name() if torch.cuda.is_available() else f"{os.cpu_count()} cores",
+    }
+    try:
+        training = train_network(sets[0], one.model, one.checkpoints, recipe, resume=True, report=say)
+    except Divergence as error:
+        return found | {"failed": str(error)}
+    size, unit_deg = training.network.size, math.degrees(BIN_RATIO)
+    for name, data, split in (
+        *((split, sets[0], split) for split in ("train", "validation", "test")),
+        ("unseen", sets[1], "test"),
+    ):
+        kept = work_folder(one.checkpoints) / data.folder.name
+        frames = read_frames(data, split, **size._asdict(), folder=kept, report=say)
+        angles_rad, _ = predict(training.network, frames)
+        row = errors(angles_rad.astype(float) * unit_deg, frames.labels_rad.astype(float) * unit_deg)
+        found |= {f"{name}_{score}": round_score(row[of]) for score, of in (("deg", "mae_deg"), ("r2", "r2"))}
+        forget_frames(split, kept)
+    for split in ("train", "validation"):
+        forget_frames(split, work_folder(one.checkpoints))
+    return found | {
+        "frame": f"{size.width}×{size.height}",
+        "parameters": training.network.parameters_count,
+        "minutes": round(training.progress.elapsed_s / 60, 1),
+    }
+
+
+def round_score(value: float | None) -> float | None:
+    """``value`` to three decimals; None stays."""
+    return None if value is None else round(value, 3)

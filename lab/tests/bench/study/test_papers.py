@@ -1,0 +1,80 @@
+"""The networks of the paper learn from the same frames as ours, and say how."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
+
+from drive_rig import made_dataset, write_table, write_tub  # noqa: F401
+
+from lab.bench.imitation.training_code import one_stage
+from lab.bench.study import learned, papers
+from lab.bench.study.papers import AUTO_ENCODER, NETWORKS, PAPER, Contestant, bench_deep_steer, changes_of
+from learning.models.catalogue import MODELS
+from learning.rendered import say
+from learning.training.recipe import load_recipe
+from learning.training.run import run
+
+TINY = {"stages": one_stage(2, 1.0e-3), "height_px": "24", "width_px": "32", "batch": "16"}
+
+
+def test_every_network_of_the_paper_is_trained_at_its_size_on_a_gpu_and_smaller_without_one():
+    for row in NETWORKS:
+        model = papers.model_of(row)
+        full, small = (load_recipe(model, None, overrides=changes_of(row, 7, at)) for at in ("cuda", "cpu"))
+        assert full.height_px is full.width_px is None, "the size of the network itself"
+        assert full.seed == small.seed == 7 and full.augmentation.flip == small.augmentation.flip
+        if model in papers.REDUCED:
+            assert small.width_px < MODELS[model].width and small.height_px < MODELS[model].height
+            assert full.histogram == "match" and full.augmentation.brightness == full.augmentation.erase == 0
+    assert {"vgg16", "vgg19", "inception-v3", "inception-rnn", "inception-rnn-as-printed"} < set(NETWORKS)
+
+
+@pytest.fixture
+def tiny_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A small data set in place of the drives, and networks of a moment."""
+    made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"), options=("--lock-deg", "20"))
+    monkeypatch.setattr(papers, "study_sets", lambda seed: learned.Sets(made, made))
+    monkeypatch.setattr(learned, "WORK_DIR", tmp_path)
+    monkeypatch.setattr(papers, "NETWORKS", {"steer": TINY, "steer-lstm": TINY | {"window": "2"}})
+
+
+@pytest.mark.long
+def test_a_study_that_is_started_again_trains_nothing_twice_and_states_its_recipe(tiny_study, monkeypatch):
+    found = bench_deep_steer(seed=0)["mean absolute error"]
+    assert set(found) == {*PAPER, "steer", "steer-lstm"}
+    row = found["steer"]
+    assert row["frame"] == "32×24" and row["first weights"] == "random"
+    assert row["recipe"] == "adamw 0.001, 2 epochs, batches of 16" and row["device"]
+    assert row["test_deg"] == row["unseen_deg"] > 0, "one data set stands for both here"
+    monkeypatch.setattr("learning.training.run.train_network", None)
+    assert bench_deep_steer(seed=0)["mean absolute error"] == found
+
+
+@pytest.mark.long
+def test_the_errors_are_those_of_the_exported_network(tmp_path: Path):
+    data = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"), options=("--lock-deg", "20"))
+    row = papers.trained_row(
+        Contestant("steer", tuple(TINY.items()), data.folder, data.folder, tmp_path / "steer")
+    )
+    recipe = load_recipe("steer", None, overrides=TINY)
+    run(data, "steer", tmp_path / "steer.onnx", recipe, resume=False, command="test", report=say)
+    exported = learned.scores(learned.Sets(data, data), tmp_path / "steer.onnx")
+    assert row["unseen_deg"] == pytest.approx(exported["mae_deg"], abs=0.01)
+    assert row["unseen_r2"] == pytest.approx(exported["r2"], abs=0.001)
+
+
+@pytest.mark.long
+def test_a_training_that_leaves_the_finite_numbers_has_a_row_that_says_so(tmp_path: Path):
+    data = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"), options=("--lock-deg", "20"))
+    wild = TINY | {"stages": one_stage(2, 1.0e30), "optimiser": "sgd"}
+    row = papers.trained_row(
+        Contestant("steer", tuple(wild.items()), data.folder, data.folder, tmp_path / "wild")
+    )
+    assert "not finite" in row["failed"] or "no finite angle" in row["failed"]
+
+
+def test_the_tables_of_the_paper_stand_as_printed():
+    assert PAPER["InceptionV3, paper"]["unseen_deg"] == 4.25 and PAPER["RNN, paper"]["unseen_deg"] == 3.82
+    assert AUTO_ENCODER in NETWORKS
