@@ -268,8 +268,11 @@ class Scenario(Settings):
         if not 0.0 <= self.start.station_m < road.length_m:
             return ("start", "station_m"), f"the road runs from 0 to {road.length_m:.1f} m"
         for number, disturbance in enumerate(self.disturbances):
-            if disturbance.kind is DisturbanceKind.TUNNEL_EXIT and road.elevation is not None:
-                return ("disturbances", number), "a tunnel needs a flat road, and this one has an elevation"
+            if disturbance.kind is DisturbanceKind.TUNNEL_EXIT and not road.flat:
+                return (
+                    "disturbances",
+                    number,
+                ), "a tunnel needs a flat road, and this one has an elevation or a bank"
         return self._problem_with_parts(settings, road)
 
     def _problem_with_estimators(self) -> Problem | None:

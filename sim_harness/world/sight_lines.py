@@ -32,7 +32,7 @@ class SightLines:
     @property
     def hide_nothing(self) -> bool:
         """Whether every line is free: a flat road without walls."""
-        return self._road.elevation is None and not len(self._walls)
+        return self._road.flat and not len(self._walls)
 
     def walls_from(self, station_m: float, reach_m: float) -> Array:
         """The faces (n, 5) of the walls beside the road from a station on."""

@@ -123,7 +123,7 @@ class SightTruth:
             (view.first(coarse, view.beside), ""),
             *self._in_the_air(view, coarse),
         ]
-        if self._road.elevation is not None:
+        if not self._road.flat:
             ends.append((view.crest(coarse), Cause.CREST))
         if len(faces):
             ends.append(
@@ -198,18 +198,20 @@ class _LaneView:
         x, y, yaw = pose
         cos, sin = math.cos(yaw), math.sin(yaw)
         self._world_from_vehicle = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
-        self._axle_m = np.array([x, y, float(road.heights_at([station_m])[0])])
-        self._grade = road.grade_at(station_m)
+        middle_m, heading_rad = road.position(station_m, 0.0), road.heading_at(station_m)
+        offset_m = (y - middle_m[1]) * math.cos(heading_rad) - (x - middle_m[0]) * math.sin(heading_rad)
+        self._axle_m = np.array([x, y, float(road.heights_at([station_m], offset_m)[0])])
+        self._slopes = np.array([road.grade_at(station_m), math.tan(road.bank_at(station_m))])
         self._lens_m = np.array([camera.x_m, camera.y_m, camera.height_m])
         self.eye_m = self._world_from_vehicle @ self._lens_m + self._axle_m
-        self.eye_m[2] += self._grade * camera.x_m
+        self.eye_m[2] += float(self._slopes @ self._lens_m[:2])
 
     def places(self, ahead_m: Array) -> Places:
         stations = self.station_m + ahead_m
         plane_m = self._road.positions(stations, np.zeros(len(ahead_m)))
         world_m = np.column_stack([plane_m, self._road.heights_at(stations)])
         vehicle_m = (world_m - self._axle_m) @ self._world_from_vehicle
-        vehicle_m[:, 2] -= self._grade * vehicle_m[:, 0]  # the vehicle stands on the tangent of the road
+        vehicle_m[:, 2] -= vehicle_m[:, :2] @ self._slopes  # the vehicle stands on the plane of the road
         return Places(ahead_m, world_m, vehicle_m, np.sqrt(np.sum((vehicle_m - self._lens_m) ** 2, axis=1)))
 
     def first(self, places: Places, ends: Callable[[Places], Mask]) -> float:

@@ -1,7 +1,8 @@
 """Draws the ground of a road with an elevation profile: row by row, from the tiles of the flat ground.
 
 Across the direction of view the ground is level, so a row of the image shows a line of it at one distance ahead
-(:mod:`sim_harness.world.render.scene.relief`). Each row is the mean of SUB_ROWS lines (anti-aliasing).
+(:mod:`sim_harness.world.render.scene.relief`); on a banked road a row is bent, and drawn in strips
+(:mod:`sim_harness.world.render.scene.lean`). Each row is the mean of SUB_ROWS lines (anti-aliasing).
 """
 
 import math
@@ -22,41 +23,56 @@ REACH_PX = 1.2  # pixels of a level, at most, to a pixel of the image across the
 
 def draw_relief(image: Image, ground: Ground, view: View, relief: Relief) -> None:
     """Draw the ground into the rows of ``image`` (BGRA) that show it."""
-    rows, columns = image.shape[:2]
     first = max(math.floor(relief.top_row + 0.5), 0)
-    ahead_m, depth_m = relief.at_rows((np.arange(first * SUB_ROWS, rows * SUB_ROWS) + 0.5) / SUB_ROWS - 0.5)
-    valid = np.isfinite(ahead_m).reshape(-1, SUB_ROWS)
-    beyond = ~valid.any(axis=1)  # no line of the row shows ground
-    first, valid = first + int(beyond.sum()), valid[~beyond]
+    rows = (np.arange(first * SUB_ROWS, len(image) * SUB_ROWS) + 0.5) / SUB_ROWS - 0.5
+    for strip in relief.strips(image.shape[1]):
+        _draw_strip(image[:, strip], ground, view, relief, rows, strip)
+
+
+def _draw_strip(image: Image, ground: Ground, view: View, relief: Relief, rows: Array, strip: slice) -> None:
+    """Draw the columns ``strip`` of the ground into ``image``, which is these columns."""
+    columns = image.shape[1]
+    ahead_m, depth_m = (of.reshape(-1, SUB_ROWS, of.shape[1]) for of in relief.ground(rows, strip))
+    valid = np.isfinite(ahead_m)
+    beyond = ~valid.any(axis=(1, 2))  # no line of the row shows ground
+    first, valid = len(image) - len(rows) // SUB_ROWS + int(beyond.sum()), valid[~beyond]
     if not len(valid):
         return
-    ahead_m, depth_m = (_fill_lines(of.reshape(-1, SUB_ROWS)[~beyond]) for of in (ahead_m, depth_m))
+    ahead_m, depth_m = (_fill_lines(of[~beyond]) for of in (ahead_m, depth_m))
     reaches_m = np.array(LEVELS_M[:-1]) * REACH_PX * view.camera.fx_px
-    levels = np.searchsorted(reaches_m, depth_m[:, 0])
+    levels = np.searchsorted(reaches_m, depth_m[:, 0].max(axis=1))
+    aside = (view.camera.cx_px - np.arange(strip.start, strip.stop)) / view.camera.fx_px
     for level in np.unique(levels):
         chosen = levels == level
-        lines = _lines(ground, view, relief, int(level), ahead_m[chosen].ravel(), depth_m[chosen].ravel())
+        places = (of[chosen].reshape(-1, of.shape[2]) for of in (ahead_m, depth_m))
+        lines = _lines(ground, relief, int(level), aside, *places)
         lines = lines.reshape(-1, SUB_ROWS, columns, 4).astype(np.float32)
         weight = valid[chosen].astype(np.float32)
-        mean = np.einsum("rscb,rs->rcb", lines, weight / weight.sum(axis=1, keepdims=True))
-        share = weight.mean(axis=1)[:, None, None]
+        if weight.shape[2] == 1:
+            mean = np.einsum(
+                "rscb,rs->rcb", lines, weight[:, :, 0] / weight[:, :, 0].sum(axis=1, keepdims=True)
+            )
+        else:
+            mean = np.einsum(
+                "rscb,rsc->rcb", lines, weight / np.maximum(weight.sum(axis=1, keepdims=True), 1)
+            )
+        share = weight.mean(axis=1)[:, :, None]
         here = first + np.flatnonzero(chosen)
         image[here] = np.rint(mean * share + image[here] * (1 - share))
 
 
 def _fill_lines(values: Array) -> Array:
     """Lines above the ground take the values of the first line below."""
-    nearest = np.nanmax(values, axis=1, keepdims=True)
+    nearest = np.nanmax(values, axis=(1, 2), keepdims=True)
     return np.where(np.isfinite(values), values, nearest)
 
 
-def _lines(ground: Ground, view: View, relief: Relief, level: int, ahead_m: Array, depth_m: Array) -> Image:
-    """The ground along lines across the view, (lines, columns, 4)."""
-    camera, pixel_m = view.camera, LEVELS_M[level]
+def _lines(ground: Ground, relief: Relief, level: int, aside: Array, ahead_m: Array, depth_m: Array) -> Image:
+    """The ground along lines across the view, (lines, columns, 4); ``aside``: left of the axis, by depth."""
+    pixel_m = LEVELS_M[level]
     cos, sin = math.cos(relief.heading_rad), math.sin(relief.heading_rad)
-    aside = (camera.cx_px - np.arange(camera.width_px)) / camera.fx_px  # left of the axis, by depth
-    x_m = relief.lens_m[0] + cos * ahead_m[:, None] - sin * depth_m[:, None] * aside
-    y_m = relief.lens_m[1] + sin * ahead_m[:, None] + cos * depth_m[:, None] * aside
+    x_m = relief.lens_m[0] + cos * ahead_m - sin * depth_m * aside
+    y_m = relief.lens_m[1] + sin * ahead_m + cos * depth_m * aside
     low = np.array([x_m.min(), y_m.min()]) - 2 * pixel_m
     high = np.array([x_m.max(), y_m.max()]) + 2 * pixel_m
     crop, left_m, top_m = ground.crop(level, low, high)
@@ -76,8 +92,9 @@ def fade(image: Image, distance_m: Floats, haze_bgr: Array, *, from_m: float) ->
 
 def relief_distance(view: View, relief: Relief) -> Floats:
     """Distance from the lens to the ground along each ray, SKY_M above it, (rows, columns) [m]."""
-    ahead_m, _ = relief.at_rows(np.arange(view.camera.height_px, dtype=float))
+    every = slice(0, view.camera.width_px)
+    ahead_m, _ = relief.ground(np.arange(view.camera.height_px, dtype=float), every)
     cos, sin = math.cos(view.camera.yaw_rad), math.sin(view.camera.yaw_rad)
     along = np.maximum(view.rays[0] * np.float32(cos) + view.rays[1] * np.float32(sin), 1e-3)
-    far = np.where(np.isfinite(ahead_m), ahead_m, np.inf)[:, None]
+    far = np.where(np.isfinite(ahead_m), ahead_m, np.inf)
     return np.asarray(np.minimum(far / along, SKY_M), np.float32)

@@ -1,6 +1,6 @@
 """Renders camera frames of a road.
 
-Flat ground is an image from above, warped by the camera's homography; a road with an elevation profile is drawn by
+Flat ground is an image from above, warped by the camera's homography; a road with heights is drawn by
 :mod:`sim_harness.world.render.relief_ground`. The image is split into bands
 of distance. Each band reads the level of the ground with pixels of about its own width, and averages several drawn
 rows where one row of the image spans many pixels of the ground (anti-aliasing). The frame has four channels until
@@ -23,6 +23,7 @@ from sim_harness.world.render.optics.lens import Distortion
 from sim_harness.world.render.relief_ground import HAZE_REACH_M, draw_relief, fade, relief_distance
 from sim_harness.world.render.scene.backdrop import Backdrop
 from sim_harness.world.render.scene.cover import behind, camera_at
+from sim_harness.world.render.scene.lean import BankedRelief
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.relief import Relief
 from sim_harness.world.render.scene.things import Thing, draw_thing
@@ -91,7 +92,7 @@ class Renderer:
         self._things = _enlarge_poses(things, self._enlargement)
         self._walls = Walls(road, seed=seed) if road.settings.walls else None
         self._view = (
-            View(self._eye) if self._walls or road.elevation else None
+            View(self._eye) if self._walls or not road.flat else None
         )  # of what rises above the plane
         self._exposure = Exposure(camera)
         self._bands = _bands(self._eye, self._backdrop.rows)
@@ -126,7 +127,7 @@ class Renderer:
         larger = self._enlargement
         x_m, y_m, motion = x_m * larger, y_m * larger, scaled_message(motion, larger)
         station_m = station_m if station_m is None else station_m * larger
-        if station_m is None and (light is None or self._disturber or self._world.elevation):
+        if station_m is None and (light is None or self._disturber or not self._world.flat):
             station_m = self._world.local_coordinates(x_m, y_m)[0]
         pose = (x_m, y_m, yaw_rad)
         image, relief, surface_m = self._ground_and_sky(pose, station_m)
@@ -157,8 +158,9 @@ class Renderer:
         """Ground, sky, walls and things; the relief of the ground, and the distance of ground and walls."""
         padded = np.empty((self._eye.height_px, self._eye.width_px, 4), np.uint8)
         relief, surface_m = None, None
-        if self._view is not None and self._world.elevation is not None and station_m is not None:
-            relief = Relief(self._world, self._eye, station_m, pose)
+        if self._view is not None and not self._world.flat and station_m is not None:
+            shape = Relief if self._world.bank is None else BankedRelief
+            relief = shape(self._world, self._eye, station_m, pose)
             self._backdrop.draw_from(padded, pose[2], relief.horizon_row)
             draw_relief(padded, self._ground, self._view, relief)
             surface_m = relief_distance(self._view, relief)

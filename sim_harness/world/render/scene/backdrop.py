@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.noise import smooth_noise
 from trepid.car.camera import Camera
-from trepid.types import Floats, Image
+from trepid.types import Array, Floats, Image
 
 WIDTH = 1280  # columns of the panorama for a full turn
 HEIGHT = 320
@@ -42,7 +42,7 @@ class Backdrop:
         if self.rows:
             image[: self.rows] = self._ahead(self._columns, self._rows, yaw_rad)
 
-    def draw_from(self, image: Image, yaw_rad: float, horizon_row: float) -> None:
+    def draw_from(self, image: Image, yaw_rad: float, horizon_row: float | Array) -> None:
         """Fill ``image`` (BGRA) with the panorama, for a camera whose horizon lies in ``horizon_row``."""
         columns, v = self._everywhere
         rows = (v - horizon_row + HEIGHT - BELOW).astype(np.float32)

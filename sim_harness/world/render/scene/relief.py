@@ -24,7 +24,7 @@ from trepid.types import Array
 
 NEAREST_M, FARTHEST_M = 0.3, 320.0  # ground ahead of the lens
 PROFILE_M = 1.0  # between the places at which the profile is read
-_AHEAD_M = np.geomspace(NEAREST_M, FARTHEST_M, 640)
+AHEAD_M = np.geomspace(NEAREST_M, FARTHEST_M, 640)
 
 
 class Relief:
@@ -47,11 +47,7 @@ class Relief:
         heights_m = road.heights_at(station_m + along_m)
         level_m = heights_m - heights_m[0] - self.grade * (farther_m - forward_m[0])
         self._profile = farther_m, level_m
-        up_m = self.lift_m(_AHEAD_M)
-        depth_m, row = self._ground_rows(_AHEAD_M, up_m)
-        visible = row < np.concatenate([[np.inf], np.minimum.accumulate(row)[:-1]])
-        self._rows, self._seen_m = row[visible][::-1], _AHEAD_M[visible][::-1]
-        self._depth_m = depth_m[visible][::-1]
+        self._rows, self._seen_m, self._depth_m = self._visible(self.lift_m(AHEAD_M))
         self.top_row = float(self._rows[0])  # of the farthest visible ground
 
     def lift_m(self, ahead_m: Array | float) -> Array:
@@ -66,6 +62,15 @@ class Relief:
         cos, sin = math.cos(camera.yaw_rad), math.sin(camera.yaw_rad)
         return float(self.lift_m((x_m - camera.x_m) * cos + (y_m - camera.y_m) * sin))
 
+    def strips(self, width_px: int) -> list[slice]:
+        """Columns of an image that are drawn together."""
+        return [slice(0, width_px)]
+
+    def ground(self, rows: Array, _columns: slice) -> tuple[Array, Array]:
+        """Distance ahead and optical depth of the ground, (rows, 1) or (rows, columns); NaN above the ground."""
+        ahead_m, depth_m = self.at_rows(rows)
+        return ahead_m[:, None], depth_m[:, None]
+
     def at_rows(self, rows: Array) -> tuple[Array, Array]:
         """Distance ahead of the lens, and optical depth, of the ground in rows; NaN above the ground."""
         ahead_m, depth_m = (np.interp(rows, self._rows, of) for of in (self._seen_m, self._depth_m))
@@ -73,8 +78,8 @@ class Relief:
         return np.where(above, np.nan, ahead_m), np.where(above, np.nan, depth_m)
 
     @property
-    def horizon_row(self) -> float:
-        """Row of the true horizon: that of a level plane far below."""
+    def horizon_row(self) -> float | Array:
+        """Row of the true horizon, that of a level plane far below; of each column where it is not level."""
         camera = self._camera
         return camera.cy_px - camera.fy_px * math.tan(camera.pitch_down_rad - math.atan(self.grade))
 
@@ -82,6 +87,12 @@ class Relief:
         """The camera as it sees a thing on the ground at (x, y): lower by the height of the ground there."""
         height_m = self._camera.height_m - self.lift_at(x_m, y_m)
         return self._camera.model_copy(update={"height_m": height_m})
+
+    def _visible(self, up_m: Array) -> tuple[Array, Array, Array]:
+        """Row, distance ahead and optical depth of what is visible of ground ``up_m`` high, from far to near."""
+        depth_m, row = self._ground_rows(AHEAD_M, up_m)
+        visible = row < np.concatenate([[np.inf], np.minimum.accumulate(row)[:-1]])
+        return row[visible][::-1], AHEAD_M[visible][::-1], depth_m[visible][::-1]
 
     def _ground_rows(self, ahead_m: Array, up_m: Array) -> tuple[Array, Array]:
         """Optical depth and row of the ground."""
