@@ -27,6 +27,7 @@ def run(me: Process) -> None:
         load(CONFIG_DIR / "camera.yaml", Camera),
         seed=me.options["seed"],
         disturbances=scenario.disturbances,
+        on_springs=scenario.plant.springs is not None,
     )
     renderer.prepaint()
     camera = SimulatedCamera(scenario, renderer)

@@ -8,11 +8,14 @@ import numpy as np
 
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateFrames
 from sim_harness.scenarios.scenario import Scenario
+from sim_harness.world.plants.axles import GRAVITY_MPS2
+from sim_harness.world.plants.springs import LEVEL, Attitude, BodyOnSprings
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.people import Figure
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import STILL, ShutterMotion
+from sim_harness.world.roads.road import Road
 from sim_harness.world.sight_truth import SightDistance, SightTruth
 from trepid.messages import Frame, SimTruth
 from trepid.types import Image
@@ -39,6 +42,9 @@ class SimulatedCamera:
         self._figures = [user.figure for user in scenario.road_users]
         self.renderer, self._sight_truth = renderer, sight_truth
         """What draws the images."""
+        plant = scenario.plant
+        self._body = BodyOnSprings(plant.springs, load_kg=plant.load_kg) if plant.springs else None
+        self._plant_bank_rad = plant.bank_rad
         self._last: Image | None = None
         self._underway: list[tuple[float, FrameWithTruth]] = []  # time of arrival
 
@@ -66,6 +72,15 @@ class SimulatedCamera:
         pose = (truth.x_m, truth.y_m, truth.yaw_rad)
         return self._sight_truth.at(truth.station_m, pose, others(truth, self._bodies))
 
+    def _attitude(self, road: Road, truth: SimTruth) -> Attitude:
+        """The attitude of the body by the forces of its tyres, which also hold its weight on a slope."""
+        if self._body is None:
+            return LEVEL
+        grade, lean_rad = road.grade_at(truth.station_m), self._plant_bank_rad + road.bank_at(truth.station_m)
+        ahead_mps2 = truth.longitudinal_accel_mps2 + GRAVITY_MPS2 * math.sin(math.atan(grade))
+        left_mps2 = truth.lateral_accel_mps2 + GRAVITY_MPS2 * math.sin(lean_rad)
+        return self._body.step(ahead_mps2, left_mps2, now_s=truth.t_s)
+
     def _image(self, renderer: Renderer, truth: SimTruth, faults: list[Fault]) -> Image:
         if self._last is not None and any(isinstance(fault, FrozenCamera) for fault in faults):
             return self._last
@@ -77,6 +92,7 @@ class SimulatedCamera:
             t_s=truth.t_s,
             vehicles=[*others(truth, self._bodies), *people(truth, self._figures, seed=renderer.seed)],
             motion=own_motion(truth),
+            attitude=self._attitude(renderer.road, truth),
         )
         if any(isinstance(fault, BlackFrames) for fault in faults):
             image = np.zeros_like(image)

@@ -168,7 +168,10 @@ def build_parts(scenario: Scenario, *, seed: int, simulator: SimulatorSettings |
     limiter = controller.limiter.build()
     renderer = None
     if scenario.sight is Sight.CAMERA:
-        renderer = Renderer(road, camera, seed=seed, disturbances=scenario.disturbances)
+        on_springs = scenario.plant.springs is not None
+        renderer = Renderer(
+            road, camera, seed=seed, disturbances=scenario.disturbances, on_springs=on_springs
+        )
     return Parts(
         vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, simulator or load_simulator(), seed=seed),
         camera=SimulatedCamera(

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from sim_harness.world.plants.springs import Springs
 from trepid import plugins
 from trepid.config import Settings
 from trepid.spelling import did_you_mean
@@ -58,6 +59,7 @@ class PlantSettings(Settings):
     steering_friction_rad: Annotated[float, Field(ge=0, lt=0.2)] = 0.0  # half-width of stick and play
     vehicle: dict[str, float] = Field(default_factory=dict)  # fields of the vehicle file to override
     chassis: Chassis = Chassis()
+    springs: Springs | None = None  # of the body that carries the camera; None: it stays parallel to the road
 
 
 AS_IN_THE_FILE = PlantSettings()  # the kinematic model of the vehicle file

@@ -10,16 +10,19 @@ the ground is drawn, because OpenCV warps four channels twice as fast as three.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from sim_harness.world.plants.springs import LEVEL, Attitude
 from sim_harness.world.render.disturber import Disturber, Grade
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.ground.strip_grid import LEVELS_M
 from sim_harness.world.render.optics.exposure import Exposure
 from sim_harness.world.render.optics.lens import Distortion
+from sim_harness.world.render.optics.sway import Sway
 from sim_harness.world.render.relief_ground import HAZE_REACH_M, draw_relief, fade, relief_distance
 from sim_harness.world.render.scene.backdrop import Backdrop
 from sim_harness.world.render.scene.cover import behind, camera_at
@@ -72,9 +75,11 @@ class Renderer:
         ground: Ground | None = None,
         disturbances: Sequence[Disturbance] = (),
         things: Sequence[tuple[Pose, Thing]] = (),
+        on_springs: bool = False,
     ) -> None:
         """``ground``: shared between the cameras of one road, enlarged to the reference world of
         :mod:`trepid.scale`; disturbances do not repaint it. ``things``: beside the road, with their poses.
+        ``on_springs``: the camera is turned by the attitude of each frame.
 
         Raises ValueError for a distortion that is not one-to-one, InputError for a bad table of disturbances.
         """
@@ -87,6 +92,8 @@ class Renderer:
         self._world = road
         self._lens = Distortion(camera) if any(camera.distortion) else None
         self._eye = self._lens.pinhole if self._lens else camera
+        self._sway = Sway(self._eye) if on_springs else None
+        self._eye = self._sway.eye if self._sway else self._eye
         self._ground = ground or Ground(road, seed=seed)
         self._backdrop = Backdrop(self._eye, seed=seed)
         self._things = _enlarge_poses(things, self._enlargement)
@@ -117,12 +124,14 @@ class Renderer:
         vehicles: Sequence[tuple[Pose, Upright]] = (),
         motion: ShutterMotion = STILL,
         light: Light | None = None,
+        attitude: Attitude = LEVEL,
     ) -> Image:
         """The frame of a vehicle with its rear axle at (x, y, yaw).
 
         ``station_m``: its station, if known; ``lead``: x, y, yaw of the rear axle of the vehicle ahead;
         ``vehicles``: poses and bodies of others, people and animals included; ``motion``: of the own vehicle, for
-        motion blur and rolling shutter; ``light``: replaces that of the road's section.
+        motion blur and rolling shutter; ``light``: replaces that of the road's section; ``attitude``: of the body,
+        for a camera on springs.
         """
         larger = self._enlargement
         x_m, y_m, motion = x_m * larger, y_m * larger, scaled_message(motion, larger)
@@ -144,13 +153,14 @@ class Renderer:
             seed=self.seed,
             relief=relief,
             surface_m=surface_m,
+            attitude=attitude,
         )
         light = self._light_at(shot.station_m) if light is None else light
         grades = self._disturber.grades(shot.station_m) if self._disturber else {}
         if self._disturber and (grades or self._disturber.needs_light(shot.station_m, grades)):
             return self._disturb(self._disturber, image, shot, light, grades)
         self._draw(shot.vehicles, image, shot)
-        return self._expose(self._bend(image), shot, light)
+        return self._expose(np.asarray(self._bend(image, shot), np.uint8), shot, light)
 
     def _ground_and_sky(
         self, pose: Pose, station_m: float | None
@@ -183,8 +193,9 @@ class Renderer:
             with behind(image, shot.surface_m, _distance((pose, body))):
                 draw_lead(image, camera_at(self._eye, shot.relief, *pose[:2]), body, pose)
 
-    def _bend(self, image: Image) -> Image:
-        return np.asarray(self._lens.bend(image), np.uint8) if self._lens else image
+    def _bend(self, image: NDArray[Any], shot: Shot) -> NDArray[Any]:
+        image = self._sway.turn(image, shot.attitude) if self._sway else image
+        return self._lens.bend(image) if self._lens else image
 
     def _expose(self, image: Image, shot: Shot, light: Light, *, vignetted: bool = False) -> Image:
         bearing, noise = shot.sun_bearing_rad, (self.seed, shot.frame)
@@ -201,11 +212,11 @@ class Renderer:
         with_light = disturber.needs_light(shot.station_m, grades)
         if with_light:
             scene = disturber.scene(image, shot, grades)
-            scene = np.asarray(self._lens.bend(scene), np.float32) if self._lens else scene
+            scene = np.asarray(self._bend(scene, shot), np.float32)
             scene = disturber.through_lens(scene, shot, grades, self._exposure.vignette)
             image = disturber.develop(scene, shot, grades)
         else:
-            image = self._bend(image)
+            image = np.asarray(self._bend(image, shot), np.uint8)
         return disturber.finish(self._expose(image, shot, light, vignetted=with_light), shot, grades)
 
     def prepaint(self) -> None:

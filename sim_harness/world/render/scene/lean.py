@@ -79,7 +79,9 @@ class BankedRelief(Relief):
     @property
     def horizon_row(self) -> Array:
         camera = self._camera
-        slopes = self.grade + float(self._banks[1][0]) * self._aside_at(np.arange(camera.width_px, dtype=float))
+        slopes = self.grade + float(self._banks[1][0]) * self._aside_at(
+            np.arange(camera.width_px, dtype=float)
+        )
         return np.asarray(camera.cy_px - camera.fy_px * np.tan(camera.pitch_down_rad - np.arctan(slopes)))
 
     def _aside_at(self, columns: Array) -> Array:

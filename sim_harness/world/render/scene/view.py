@@ -11,6 +11,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from sim_harness.world.plants.springs import LEVEL, Attitude
 from sim_harness.world.render.scene.painter import SHIFT, Pixels, Pose
 from sim_harness.world.render.scene.relief import Relief
 from sim_harness.world.render.scene.vehicles import Upright
@@ -91,6 +92,7 @@ class Shot:
     seed: int
     relief: Relief | None = None  # None: the ground is flat
     surface_m: Floats | None = None  # from the lens to ground and walls; None: flat and without walls
+    attitude: Attitude = LEVEL  # of the body that carries the camera
 
     @property
     def frame(self) -> int:
