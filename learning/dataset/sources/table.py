@@ -11,12 +11,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
 from learning.dataset.sources.log import Faults, Log, SteeringUnit, number
+from learning.dataset.sources.written_paths import ImageFolder
 from trepid.config import InputError
 from trepid.recording.csv_file import (
     Row,
@@ -89,8 +90,21 @@ def read_table(path: Path, faults: Faults, options: TableOptions) -> Log:
         refuse_halved_numbers(path, rows, len(UDACITY))
     if _is_udacity(header) and not options.renamed:
         has_header = tuple(name.lower() for name in header) == UDACITY
-        return _udacity(path, rows[1:] if has_header else rows, faults, options)
-    return _log_of_columns(path, header, rows[1:], faults, options)
+        log = _udacity(path, rows[1:] if has_header else rows, faults, options)
+    else:
+        log = _log_of_columns(path, header, rows[1:], faults, options)
+    _refuse_shared_images(log)
+    return log
+
+
+def _refuse_shared_images(log: Log) -> None:
+    """Raise InputError where a side camera has the image of the middle one: their folders are missing."""
+    for side, images in (("left", log.left), ("right", log.right)):
+        for row, (image, middle) in enumerate(zip(images, log.image, strict=False)):
+            if image and image == middle:
+                raise InputError(
+                    f"{log.place(row)}: the {side} camera and the middle one have one image, {image}"
+                )
 
 
 def _is_udacity(header: list[str]) -> bool:
@@ -102,13 +116,14 @@ def _is_udacity(header: list[str]) -> bool:
 def _udacity(path: Path, rows: list[Row], faults: Faults, options: TableOptions) -> Log:
     found, names, where, before = [], [], [], faults.rows
     sides: list[tuple[str, str]] = []
+    images = ImageFolder(path.parent)
     for line, row in ((row.line, row.cells) for row in rows):
         try:
             if len(row) != len(UDACITY):
                 raise ValueError(f"expected {len(UDACITY)} columns, got {len(row)}")
             found.append((_stamp_s(row[0]), number(row[3].strip()), MPS_PER_MPH * number(row[6].strip())))
-            names.append(_below(path.parent, row[0].strip()))
-            sides.append((_side_image(path.parent, row[1]), _side_image(path.parent, row[2])))
+            names.append(images.find(row[0].strip()))
+            sides.append((_side_image(images, row[1]), _side_image(images, row[2])))
             where.append(f"{path}:{line}")
         except ValueError as error:
             faults(f"{path}:{line}: {error}")
@@ -118,7 +133,7 @@ def _udacity(path: Path, rows: list[Row], faults: Faults, options: TableOptions)
     log = _log("udacity", path, names, t_s, steering, SteeringUnit.LOCK, where)
     log.speed_mps, log.unread = speed_mps, faults.rows - before
     log.lock_rad, log.lock_source = math.radians(UDACITY_LOCK_DEG), "of the Udacity simulator"
-    left, right = (list(images) for images in zip(*sides, strict=True))
+    left, right = (list(side) for side in zip(*sides, strict=True))
     if options.side_camera_m is not None:
         log.left, log.right = left, right
     elif any(left) or any(right):
@@ -135,21 +150,9 @@ def _stamp_s(image: str) -> float:
     return datetime.strptime(f"{seconds}+0000", "%Y_%m_%d_%H_%M_%S%z").timestamp() + int(milli) / 1e3
 
 
-def _below(folder: Path, name: str) -> str:
-    """``name`` relative to ``folder``; a path of another machine is sought by its last two and its last part."""
-    parts = PureWindowsPath(name).parts
-    if not parts:
-        raise ValueError("no image")
-    if not PureWindowsPath(name).is_absolute() and not name.startswith("/"):
-        return "/".join(parts)
-    near = "/".join(parts[-2:])
-    there = (found for found in (near, name, parts[-1]) if (folder / found).is_file())
-    return next(there, near)
-
-
-def _side_image(folder: Path, cell: str) -> str:
+def _side_image(images: ImageFolder, cell: str) -> str:
     """The image of a side camera; empty without one."""
-    return _below(folder, cell.strip()) if cell.strip() else ""
+    return images.find(cell.strip()) if cell.strip() else ""
 
 
 def _log_of_columns(
@@ -162,14 +165,14 @@ def _log_of_columns(
     texts: dict[str, list[str]] = {"image": [], "route": [], "where": [], **{side: [] for side in SIDES}}
     numbers: list[list[float]] = []
     numeric = [quantity for quantity in ("frame", "time", angle, "speed", "yaw rate") if quantity in at]
-    before = faults.rows
+    before, images = faults.rows, ImageFolder(path.parent)
     for ordinal, (line, row) in enumerate((row.line, row.cells) for row in rows):
         try:
             if len(row) != len(header):
                 raise ValueError(f"expected {len(header)} columns, got {len(row)}")
             values = [_scaled_number(row[at[quantity]], names[quantity]) for quantity in numeric]
             _check_counted(dict(zip(numeric, values, strict=True)))
-            image = "" if options.video else _below(path.parent, row[at["image"]].strip())
+            image = "" if options.video else images.find(row[at["image"]].strip())
         except ValueError as error:
             faults(f"{path}:{line}: {error}")
             continue
@@ -178,7 +181,7 @@ def _log_of_columns(
         texts["route"].append(row[at["route"]].strip() if "route" in at else "")
         texts["where"].append(f"{path}:{line}")
         for side in SIDES:
-            texts[side].append(_side_image(path.parent, row[at[side]]) if side in at else "")
+            texts[side].append(_side_image(images, row[at[side]]) if side in at else "")
     if not numbers:
         raise InputError(f"{path}: no row can be read")
     columns = dict(zip(("row", *numeric), np.array(numbers, dtype=np.float64).T, strict=True))

@@ -10,13 +10,14 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from datetime import datetime
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from learning.dataset.sources.log import Faults, Log, SteeringUnit, number
 from learning.dataset.sources.tub_manifest import MANIFEST, catalogs_in, read_manifest
+from learning.dataset.sources.written_paths import ImageFolder
 from trepid.config import InputError, read_text
 from trepid.files.decoding import is_broken
 from trepid.images.files import IMAGE_SUFFIXES, natural_order
@@ -183,6 +184,7 @@ def _log(
     timed = any(_stamp(record) is not None for _, _, record in records)
     rows: list[tuple[float, float, float]] = []
     names, routes, why, places = [], [], [], []
+    images = ImageFolder(root)
     for ordinal, (where, index, record) in enumerate(records):
         try:
             if not isinstance(record.get(image), str) or not record[image]:
@@ -195,7 +197,7 @@ def _log(
             continue
         rows.append(row)
         places.append(where)
-        names.append(_image_below(root, record[image]))
+        names.append(images.find(record[image]))
         session = record.get("_session_id")
         routes.append(f"{path.name}/{session}" if session else path.name)
         by_pilot = record.get(MODE, "user") not in ("user", "recording")
@@ -227,15 +229,6 @@ def _log(
     if not timed:
         log.notes.append(f"the records have no times: {LOOP_HZ:g} Hz assumed, the default of donkeycar")
     return log
-
-
-def _image_below(root: Path, written: str) -> str:
-    """The image ``written`` in a record, below ``root``.
-
-    Some tools write its path on the machine of the drive, of Linux or Windows: then the file of its name counts.
-    """
-    name = PureWindowsPath(written).name
-    return name if not (root / written).is_file() and (root / name).is_file() else written
 
 
 def _check_angle(path: Path, records: list[Record], angle: str) -> None:

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from learning.dataset.build import read_log
 from learning.dataset.pictures import PictureReader
 from learning.dataset.sources.log import Faults, Log, SteeringUnit
 from learning.dataset.sources.table import MPS_PER_MPH, TableOptions
+from learning.dataset.sources.written_paths import ImageFolder
 from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
 from trepid.config import InputError, use_car
 from trepid.messages import CompressedFrame, VehicleState
@@ -227,6 +229,73 @@ def test_a_log_of_the_udacity_simulator_with_and_without_header(tmp_path: Path, 
     assert np.diff(log.t_s) == pytest.approx(0.05, abs=1e-6)
     assert log.speed_mps == pytest.approx(15.0 * MPS_PER_MPH)
     assert (log.lock_rad, log.left_positive) == (math.radians(25.0), False)
+
+
+# How a log may write IMG/a b-7.jpg: by other machines, tools and spellings of its name.
+WRITTEN = {
+    "drive of Windows": "C:\\Users\\me\\Desktop\\IMG\\a b-7.jpg",
+    "share of Windows": "\\\\nas\\drives\\run 1\\IMG\\a b-7.jpg",
+    "separators of Windows": "IMG\\a b-7.jpg",
+    "both separators": "C:\\Users\\me/data/IMG/a b-7.jpg",
+    "home of Linux": "/home/pi/mycar/data/IMG/a b-7.jpg",
+    "folder of the log": "mycar/data/IMG/a b-7.jpg",
+    "this folder": "./IMG/a b-7.jpg",
+    "URL": "file:///home/pi/data/IMG/a%20b-7.jpg",
+    "URL of Windows": "file:///C:/Users/me/IMG/a%20b-7.jpg",
+    "address": "https://example.org/set/IMG/a%20b-7.jpg",
+    "encoded": "IMG/a%20b%2D7.jpg",
+    "upper case": "img/A B-7.JPG",
+    "upper case of another machine": "D:\\DATA\\img\\A B-7.JPG",
+}
+
+
+@pytest.mark.parametrize("written", WRITTEN.values(), ids=WRITTEN)
+def test_an_image_is_found_by_a_path_of_another_machine_tool_or_spelling(
+    tmp_path: Path, written: str
+) -> None:
+    (tmp_path / "IMG").mkdir()
+    (tmp_path / "IMG" / "a b-7.jpg").touch()
+    assert ImageFolder(tmp_path).find(written) == "IMG/a b-7.jpg"
+
+
+def test_a_name_as_it_is_written_counts_before_its_decoded_form_and_other_spellings(tmp_path: Path) -> None:
+    for name in ("a%20b.jpg", "a b.jpg", "A.jpg", "a.jpg"):
+        (tmp_path / name).touch()
+    find = ImageFolder(tmp_path).find
+    assert [find(name) for name in ("a%20b.jpg", "A.jpg", "a.jpg")] == ["a%20b.jpg", "A.jpg", "a.jpg"]
+
+
+def test_a_spelling_that_two_images_have_names_neither_of_them(tmp_path: Path) -> None:
+    for name in ("ab.jpg", "aB.jpg"):
+        (tmp_path / name).touch()
+    assert ImageFolder(tmp_path).find("AB.JPG") == "AB.JPG"
+
+
+def test_composed_and_decomposed_letters_name_one_image(tmp_path: Path) -> None:
+    (tmp_path / unicodedata.normalize("NFD", "Stra\u00dfe \u00fcber.jpg")).touch()
+    found = ImageFolder(tmp_path).find(unicodedata.normalize("NFC", "Stra\u00dfe \u00fcber.jpg"))
+    assert (tmp_path / found).is_file()
+
+
+@pytest.mark.parametrize(
+    ("written", "named"),
+    [
+        ("IMG/none.jpg", "IMG/none.jpg"),
+        ("C:\\data\\IMG\\none.jpg", "IMG/none.jpg"),
+        ("/d/IMG/none.jpg", "IMG/none.jpg"),
+    ],
+)
+def test_an_image_that_is_missing_keeps_the_end_of_its_path(tmp_path: Path, written: str, named: str) -> None:
+    assert ImageFolder(tmp_path).find(written) == named
+
+
+def test_side_cameras_whose_folders_are_missing_do_not_get_the_image_of_the_middle_one(
+    tmp_path: Path,
+) -> None:
+    sides = {"left": [f"left/{n}.jpg" for n in range(20)], "right": [f"right/{n}.jpg" for n in range(20)]}
+    path = table(tmp_path, steering=steering_of(20).tolist(), **sides)
+    with pytest.raises(InputError, match=r":2: the left camera and the middle one have one image, 0\.jpg"):
+        read(path, TableOptions(side_camera_m=0.2))
 
 
 def test_images_by_paths_of_another_machine_are_found_beside_the_log(tmp_path: Path) -> None:
