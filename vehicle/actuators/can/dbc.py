@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import cantools
 
 from trepid.config import InputError, read_text
+from vehicle.actuators.can.invalid import INVALID_ATTRIBUTES
 
 _KEYWORDS = (
     *("VERSION", "NS_", "BS_", "BU_", "BO_", "SG_", "EV_", "CM_", "VAL_", "VAL_TABLE_", "BO_TX_BU_"),
@@ -44,6 +45,8 @@ _NODES = re.compile(r'(\A\s*(?:BO_\s+\d+\s+\w+\s*:\s*\d+|SG_[^"]*"[^"]*"))([^"]*
 _NO_NODE = "Vector__XXX"
 _LAYOUT = re.compile(r"(?P<start>\d+)\|(?P<length>\d+)@(?P<order>[01])[+-]")
 _RANGES = re.compile(r"\s*SG_MUL_VAL_\s+(?P<id>\d+)\s+(?P<name>\w+)\s+\w+\s+(?P<ranges>[^;]*)")
+_VALUES = re.compile(r"(?P<head>\s*VAL_\s+\d+\s+(?P<name>\w+))(?P<values>.*?);?\s*\Z", re.DOTALL)
+_TABLE = re.compile(r"\s*VAL_TABLE_\s+(?P<name>\w+)\s(?P<values>.*?);?\s*\Z", re.DOTALL)
 _OF_SIGNAL = re.compile(r"\s*(?:VAL_|SIG_VALTYPE_)\s+(?P<id>\d+)\s+(?P<name>\w+)")
 _ATTRIBUTE = re.compile(
     r'\s*(?:BA_DEF_|BA_DEF_DEF_|BA_)\s+(?:BO_\s+|SG_\s+)?"(?P<attribute>\w+)"'
@@ -53,12 +56,9 @@ _LONG = re.compile(
     r'\s*BA_\s+"System(?:Message|Signal)LongSymbol"\s+(?:BO_|SG_)\s+(?P<id>\d+)\s+(?P<rest>.*)', re.DOTALL
 )
 _LONG_NAME = re.compile(r'(?:(?P<short>\w+)\s+)?"(?P<long>\w+)"')
-_FRAME_ATTRIBUTES = {
-    "VFrameFormat",
-    "BusType",
-    "ProtocolType",
-    "SystemMessageLongSymbol",
-    "SystemSignalLongSymbol",
+_USED_ATTRIBUTES = {
+    *("VFrameFormat", "BusType", "ProtocolType", "SystemMessageLongSymbol", "SystemSignalLongSymbol"),
+    *INVALID_ATTRIBUTES,
 }
 _SYNTAX = re.compile(r'Invalid syntax at line (\d+), column (\d+): "(.*)"', re.DOTALL)
 _NO_MESSAGE = "VECTOR__INDEPENDENT_SIG_MSG"  # holds the signals that are in no message
@@ -108,6 +108,7 @@ class Dbc:
         self._messages: dict[str, list[_Message]] = {}
         self._long_signals: dict[tuple[int, str], str] = {}  # message, short name -> long name
         self._ranges: dict[tuple[int, str], str] = {}  # message, short name -> values of its selector
+        self._tables: dict[str, str] = {}  # of named values, which a signal may have by their name
         self._index()
 
     def _index(self) -> None:
@@ -126,6 +127,8 @@ class Dbc:
                 newest = None  # one that cannot be read: its signals belong to no message
             elif found := _RANGES.match(text):
                 self._ranges[int(found["id"]), found["name"]] = found["ranges"].strip()
+            elif found := _TABLE.match(text):
+                self._tables[found["name"]] = found["values"]
             elif (found := _LONG.match(text)) and (named := _LONG_NAME.match(found["rest"])):
                 if named["short"]:
                     self._long_signals[int(found["id"]), named["short"]] = named["long"]
@@ -209,6 +212,8 @@ class Dbc:
             what = str(error).removeprefix('DBC: "').removesuffix('"')
             raise self._wrong(message.statement, " ".join(what.split())) from error
         found = database.messages[0]
+        if _is_j1939(database, found):
+            found.protocol = "j1939"
         for signal in used:
             self._check_number(signal, found.get_signal_by_name(self._name(message, signal)))
         return found
@@ -245,14 +250,25 @@ class Dbc:
         """The text with all but ``message``, its signals ``names`` and what says more of them blanked."""
         own = {message.statement, *(each.statement for each in message.signals if each.name in names)}
         parts, position = [], 0
+        values: dict[str, int] = {}  # of a signal: the part with its named values
         for number, (start, end) in enumerate(self._statements):
             text = self._text[start:end]
-            if number not in own and not _is_about(text, message.identifier, names):
-                parts += [_blank(self._text[position:start]), _blank(text)]
-            else:
-                plain = _plain(text) if number in own else text
-                parts += [_blank(self._text[position:start]), plain]
+            parts.append(_blank(self._text[position:start]))
             position = end
+            if number in own:
+                parts.append(_plain(text))
+            elif not _is_about(text, message.identifier, names):
+                parts.append(_blank(text))
+            elif found := _VALUES.match(text):
+                table = self._tables.get(found["values"].strip())
+                named = found["values"] if table is None else f" {table}"
+                if (first := values.setdefault(found["name"], len(parts))) == len(parts):
+                    parts.append(f"{found['head']}{named};")
+                else:  # cantools would forget the values before these
+                    parts[first] = f"{parts[first].removesuffix(';')} {' '.join(named.split())};"
+                    parts.append(_blank(text))
+            else:
+                parts.append(text)
         return "".join(parts)
 
     def _line(self, statement: int) -> int:
@@ -262,6 +278,16 @@ class Dbc:
 
     def _wrong(self, statement: int, what: str) -> InputError:
         return InputError(f"{self._path}:{self._line(statement)}:1: {what}")
+
+
+def _is_j1939(database: Any, message: Any) -> bool:
+    """Whether a message is one of J1939 by the protocol of its network, where no frame has a format."""
+    attributes, definitions = database.dbc.attributes, database.dbc.attribute_definitions
+    stated = attributes.get("ProtocolType")
+    protocol = stated.value if stated else getattr(definitions.get("ProtocolType"), "default_value", "")
+    return (
+        message.is_extended_frame and "VFrameFormat" not in definitions and str(protocol).lower() == "j1939"
+    )
 
 
 def _statements(text: str) -> Iterator[tuple[int, int]]:
@@ -282,7 +308,7 @@ def _is_about(statement: str, identifier: int, names: Set[str]) -> bool:
     if found := _OF_SIGNAL.match(statement):
         return int(found["id"]) == identifier and found["name"] in names
     found = _ATTRIBUTE.match(statement)
-    if found is None or found["attribute"] not in _FRAME_ATTRIBUTES:
+    if found is None or found["attribute"] not in _USED_ATTRIBUTES:
         return False
     of_this = found["id"] is None or int(found["id"]) == identifier
     return of_this and (found["name"] is None or found["name"] in names)

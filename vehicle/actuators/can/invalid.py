@@ -1,9 +1,11 @@
 """Values of a signal that are no measurement: named invalid, reserved by J1939, or outside the stated range.
 
-A DBC says so in three ways:
+A DBC says so in four ways:
 
 - ``VAL_`` names a raw value, as in ``VAL_ 36 YAW_RATE 1023 "SNA"``. The names in use are those of opendbc's files
   and of SAE J1939-71: signal not available, not available, invalid, error, fault, unknown, undefined, reserved.
+- The attribute ``GenSigSNA`` or ``GenSigInvalidValue`` of a signal is such a raw value, as a number or as
+  hexadecimal text such as ``0xFFFF`` or ``FFFFh``.
 - ``[min|max]`` ends below the largest raw value; ``[0|0]`` states no range.
 - A message of the protocol J1939 reserves the largest raw values: of a byte 0xFB to 0xFF (0xFE error, 0xFF not
   available), of longer signals those whose highest byte is one of these, of four bits 0xE and 0xF, of two bits 2
@@ -16,31 +18,60 @@ import unicodedata
 from collections.abc import Collection, Mapping
 from typing import Any
 
-NEGATIONS = frozenset({"no", "not", "without", "ohne", "kein", "keine", "nicht", "non", "pas"})
+NEGATIONS = frozenset(
+    {"no", "not", "without", "ohne", "kein", "keine", "nicht", "non", "pas", "niet", "geen", "ej", "ingen"}
+)
 INVALID_STEMS = (
     *(
         "sna",
         "snv",
         "invalid",
+        "unvalid",
         "unavail",
         "undefin",
         "unknown",
         "unplausib",
         "implausib",
-        "reserved",
-        "nodata",
+        "reserv",
     ),
-    *("err", "fault", "fail", "defect", "notavail", "notvalid", "notdefin", "nosignal", "uninit", "notinit"),
-    *("fehler", "ungueltig", "unplaus", "defekt", "nichtverf", "indispon", "erron"),
+    *("err", "fault", "fail", "defect", "notavail", "notavl", "notvalid", "notdefin", "nodat", "nosignal"),
+    *("uninit", "notinit", "uncalib", "missing", "lost", "timeout", "overflow", "underflow"),
+    *("fehler", "ungueltig", "unplaus", "defekt", "nichtverf", "unbekannt", "unbestimmt", "stoer", "gestoer"),
+    *("ausfall", "ausgefallen", "indispon", "erron", "inconnu", "ongeldig", "onbekend", "ogiltig"),
 )
 NEGATED_STEMS = (
-    *("avail", "valid", "defin", "data", "signal", "init", "known", "present", "plausib", "used"),
-    *("verfueg", "gueltig", "dispon"),
+    *(
+        "avail",
+        "avl",
+        "valid",
+        "defin",
+        "data",
+        "dat",
+        "signal",
+        "init",
+        "known",
+        "present",
+        "plausib",
+        "used",
+    ),
+    *("value", "measur", "info", "calib", "verfueg", "gueltig", "bekannt", "wert", "messwert", "messung"),
+    *("dispon", "beschikbaar", "geldig", "tillgaeng", "giltig"),
 )
+INVALID_PHRASES = ("out of range", "time out")
+INVALID_SIGNS = (
+    "无效",
+    "無效",
+    "無効",
+    "不可用",
+    "未定义",
+    "未定義",
+    "未知",
+)  # invalid, not available, undefined, unknown
+INVALID_ATTRIBUTES = ("GenSigSNA", "GenSigInvalidValue")
 INITIAL = frozenset(
     f"initial{ending}" for ending in ("", "izing", "ising", "ization", "isation", "isierung")
 ) | {"init"}
-NOT_AVAILABLE = frozenset({"na", "n a", "nv", "na n"})  # the whole name; NaN is two words
+NOT_AVAILABLE = frozenset({"na", "n a", "nv", "n v", "na n"})  # the whole name; NaN is two words
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _J1939_BITS = {2: 2, 4: 0xE}
@@ -54,9 +85,12 @@ def is_invalid_name(name: str) -> bool:
     Words are split at signs, digits and capitals. A negation turns the next word: ``no_error`` and ``not_faulty``
     are measurements, ``not available`` and ``no data`` are none.
     """
+    if any(sign in name for sign in INVALID_SIGNS):
+        return True
     plain = unicodedata.normalize("NFKD", unicodedata.normalize("NFC", name).translate(_UMLAUTS))
     words = [word.lower() for word in _WORD.findall(plain.encode("ascii", "ignore").decode())]
-    if " ".join(words) in NOT_AVAILABLE:
+    text = " ".join(words)
+    if text in NOT_AVAILABLE or any(phrase in text for phrase in INVALID_PHRASES):
         return True
     negated = False
     for word in words:
@@ -81,6 +115,7 @@ class InvalidValues:
         named: Mapping[int, Any] = signal.choices or {}
         choices = {_raw_of(signal, int(raw)): str(text) for raw, text in named.items()}
         self._named = {raw: text for raw, text in choices.items() if is_invalid_name(text)}
+        self._named |= {raw: name for raw, name in _attributes_of(signal).items() if raw not in self._named}
         self._also = frozenset(_raw_of(signal, raw) for raw in also)
         self._stated = set(choices) - set(self._named)
         low, high = signal.minimum, signal.maximum
@@ -128,6 +163,22 @@ def _raw_of(signal: Any, raw: int) -> int:
         and 0 <= raw - 2 ** (signal.length - 1) < 2 ** (signal.length - 1)
     )
     return raw - 2**signal.length if beyond else raw
+
+
+def _attributes_of(signal: Any) -> dict[int, str]:
+    """The invalid raw values that attributes of a signal state, and the names of these attributes."""
+    stated = getattr(signal.dbc, "attributes", {})
+    found = {name: _raw_in(str(stated[name].value)) for name in INVALID_ATTRIBUTES if name in stated}
+    return {_raw_of(signal, raw): name for name, raw in found.items() if raw is not None}
+
+
+def _raw_in(text: str) -> int | None:
+    """The raw value of an attribute: decimal, or hexadecimal with 0x or h; None where it states none."""
+    text = text.strip().lower()
+    if re.fullmatch(r"(0x)?[0-9a-f]+h|0x[0-9a-f]+", text):
+        return int(text.removesuffix("h"), 16)
+    number = re.fullmatch(r"(-?\d+)(?:\.0*)?", text)
+    return int(number[1]) if number else None
 
 
 def _first_reserved(bits: int) -> float:

@@ -151,6 +151,44 @@ def test_a_dbc_is_read_in_the_encodings_of_its_editors(tmp_path, encoding):
     assert message.get_signal_by_name("YAW_RATE").unit == "°/s"
 
 
+VALUES_OF_S = {
+    "in one statement": 'VAL_ 36 S 65535 "SNA" 65534 "Error" 0 "standstill";\n',
+    "in two statements": 'VAL_ 36 S 65535 "SNA" 65534 "Error";\nVAL_ 36 S 0 "standstill";\n',
+    "in two statements over three lines": 'VAL_ 36 S 65535 "SNA"\n  65534 "Error" ;\nVAL_ 36 S 0 "standstill" ;\n',
+    "of a table": 'VAL_TABLE_ Vt 65535 "SNA" 65534 "Error" 0 "standstill";\nVAL_ 36 S Vt ;\n',
+    "of a table behind them": 'VAL_ 36 S Vt;\nVAL_TABLE_ Vt 65535 "SNA" 65534 "Error" 0 "standstill" ;\n',
+}
+
+
+@pytest.mark.parametrize("values", VALUES_OF_S.values(), ids=VALUES_OF_S)
+def test_no_named_value_is_lost_however_a_file_states_them(tmp_path, values):
+    dbc = tmp_path / "speed.dbc"
+    dbc.write_text(f'BO_ 36 M: 8 X\n SG_ S : 0|16@1+ (0.01,0) [0|0] "km/h" X\n\n{values}')
+    choices = Dbc(dbc).message("M", {"S"}).signals[0].choices
+    assert {raw: str(name) for raw, name in choices.items()} == {
+        65535: "SNA",
+        65534: "Error",
+        0: "standstill",
+    }
+
+
+@pytest.mark.parametrize(
+    ("attributes", "protocol"),
+    [
+        ('BA_DEF_ "ProtocolType" STRING;\nBA_ "ProtocolType" "J1939";\n', "j1939"),
+        ('BA_DEF_ "ProtocolType" STRING;\nBA_DEF_DEF_ "ProtocolType" "J1939";\n', "j1939"),
+        ('BA_DEF_ "ProtocolType" STRING;\nBA_ "ProtocolType" "OBD";\n', None),
+        ("", None),
+    ],
+)
+def test_extended_frames_of_a_network_of_j1939_are_of_j1939(tmp_path, attributes, protocol):
+    dbc = tmp_path / "truck.dbc"
+    frame = 'BO_ {} {}: 8 X\n SG_ S : 0|16@1+ (0.01,0) [0|0] "km/h" X\n\n'
+    dbc.write_text(frame.format(2566844926, "WHEELS") + frame.format(36, "OWN") + attributes)
+    read = Dbc(dbc)
+    assert [read.message(name, {"S"}).protocol for name in ("WHEELS", "OWN")] == [protocol, None]
+
+
 def test_long_names_are_the_names_of_messages_and_signals(tmp_path):
     dbc = tmp_path / "long.dbc"
     dbc.write_text(

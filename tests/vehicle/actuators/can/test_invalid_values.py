@@ -39,7 +39,26 @@ def signal(line, values="", *, extended=False):
         *("NoData", "NoDataExists", "No signal", "Undefined", "Init", "Initializing", "not initialized"),
         *("Reserved", "Unavailable", "Fehler", "ungueltig", "Not_Defined", "Implausible", "SNA 2"),
         *("Signal nicht verfügbar", "Ungültig", "ungu\u0308ltig", "Initialisierung", "nicht gültig", "NaN"),
-        *("Non disponible", "Indisponible", "Valeur erronée"),
+        *(
+            "Non disponible",
+            "Indisponible",
+            "Valeur erronée",
+            "inconnu",
+            "niet beschikbaar",
+            "ej tillgänglig",
+        ),
+        *(
+            "no value",
+            "No Measurement",
+            "kein Wert",
+            "keine Daten",
+            "unbekannt",
+            "Störung",
+            "Ausfall",
+            "n.v.",
+        ),
+        *("SIG_NOT_AVL", "Timeout", "lost_comm", "Out_Of_Range", "overflow", "uncalibrated", "missing"),
+        *("无效", "無効", "不可用"),
     ],
 )
 def test_names_that_real_files_give_to_values_without_a_measurement_are_recognised(name):
@@ -61,7 +80,7 @@ def test_names_that_real_files_give_to_values_without_a_measurement_are_recognis
             "Standstill",
         ),
         *("0 km/h", "Forward", "Nav", "Ferry", "interrupted", "default", "terrain", "finite", "no_override"),
-        *("gültig", "verfügbar", "kein Fehler", "disponible"),
+        *("gültig", "verfügbar", "kein Fehler", "disponible", "no_timeout", "keine Störung", "no override"),
     ],
 )
 def test_names_of_measured_values_are_not_taken_for_invalid_ones(name):
@@ -85,6 +104,34 @@ def test_a_named_value_is_no_measurement_and_the_reason_gives_value_and_name():
     assert check.reason(1023) == '1023 is "SNA"'
     assert check.reason(512) == ""
     assert check.reason(1022) == ""
+
+
+@pytest.mark.parametrize(
+    ("definition", "stated"),
+    [
+        ("STRING", '"FFFEh"'),
+        ("STRING", '"0xFFFE"'),
+        ("STRING", '"65534"'),
+        ("INT 0 65535", "65534"),
+        ("HEX 0 65535", "65534"),
+        ("FLOAT 0 65535", "65534.0"),
+    ],
+)
+@pytest.mark.parametrize("attribute", ["GenSigSNA", "GenSigInvalidValue"])
+def test_the_attribute_of_a_signal_names_its_invalid_value(attribute, definition, stated):
+    text = f'{HEAD}BO_ 36 M: 8 CAR\n SG_ S : 0|16@1+ (0.01,0) [0|0] "km/h" TREPID\n'
+    text += f'BA_DEF_ SG_ "{attribute}" {definition};\nBA_ "{attribute}" SG_ 36 S {stated};\n'
+    check = InvalidValues(cantools.database.load_string(text, "dbc").messages[0].signals[0], None)
+    assert [check.reason(raw) for raw in (65533, 65534, 65535)] == ["", f'65534 is "{attribute}"', ""]
+    assert check.value_to_send == 65534
+
+
+@pytest.mark.parametrize("stated", ['""', '"none"', '"SNA"', '"-"'])
+def test_an_attribute_without_a_number_names_no_value(stated):
+    text = f'{HEAD}BO_ 36 M: 8 CAR\n SG_ S : 0|16@1+ (0.01,0) [0|0] "km/h" TREPID\n'
+    text += f'BA_DEF_ SG_ "GenSigSNA" STRING;\nBA_ "GenSigSNA" SG_ 36 S {stated};\n'
+    check = InvalidValues(cantools.database.load_string(text, "dbc").messages[0].signals[0], None)
+    assert check.value_to_send is None
 
 
 @given(raw=st.integers(0, 255))
