@@ -1,8 +1,9 @@
 """``camera_info`` files of ROS as cameras: as camera_calibration writes and ``ros2 topic echo`` prints them.
 
-Both state the intrinsics K of the full sensor, the lens model and its coefficients; so does a ``FileStorage`` of
-OpenCV. A matrix is a list of numbers or of rows, alone or as ``data`` beside ``rows`` and ``cols``. Of an image the
-region of interest is read out first, then pixels are binned (sensor_msgs/CameraInfo). The lens models are:
+Both state the intrinsics K of the full sensor, the lens model and its coefficients; so do a ``FileStorage`` of
+OpenCV and the chain of one camera that Kalibr writes. A matrix is a list of numbers or of rows, alone or as
+``data`` beside ``rows`` and ``cols``. Of an image the region of interest is read out first, then pixels are binned
+(sensor_msgs/CameraInfo). The lens models are:
 
 - ``plumb_bob``: k1 k2 p1 p2 k3 of Brown and Conrady, as in :class:`trepid.car.camera.Camera`.
 - ``rational_polynomial``: k1 k2 p1 p2 k3 k4 k5 k6, the same with a quotient of polynomials.
@@ -14,7 +15,7 @@ region of interest is read out first, then pixels are binned (sensor_msgs/Camera
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import (
@@ -32,10 +33,12 @@ from cockpit.calibration.fisheye import FIT_PX, corner_radius, fit_quotient
 from trepid.car.camera import Camera
 from trepid.config import InputError, parse, read_first
 
+WIDEST = 20.0  # heights of the image in a focal length: no lens has a wider image
 SKEW_PX = 0.5  # over the height of the image, that a camera without skew may have
 
 _OPENCV_HEAD = re.compile(r"\A%YAML:1\.0\s*\n(?:---[^\n]*\n)?")
 _OPENCV_TAG = re.compile(r"(?<=:)\s*!!opencv-matrix")
+_XML = re.compile(r"\A\s*<(?:\?xml|opencv_storage)")
 _OST = re.compile(r"\A\s*(?:#[^\n]*\n\s*)*\[image\]\s*$", re.MULTILINE)
 
 
@@ -95,11 +98,13 @@ class Message(_Part):
 class CameraInfo(_Part):
     """A file of camera_calibration_parsers."""
 
-    image_height: PositiveInt
-    image_width: PositiveInt
+    image_height: PositiveInt = Field(validation_alias=AliasChoices("image_height", "image_Height"))
+    image_width: PositiveInt = Field(validation_alias=AliasChoices("image_width", "image_Width"))
     distortion_model: str = ""
-    distortion_coefficients: Numbers = ()
-    camera_matrix: Nine
+    distortion_coefficients: Numbers = Field(
+        default=(), validation_alias=AliasChoices("distortion_coefficients", "Distortion_Coefficients", "D")
+    )
+    camera_matrix: Nine = Field(validation_alias=AliasChoices("camera_matrix", "Camera_Matrix", "K"))
 
     def message(self) -> Message:
         """The same as a message."""
@@ -112,6 +117,34 @@ class CameraInfo(_Part):
         )
 
 
+class KalibrCamera(_Part):
+    """A camera of the chain that Kalibr writes."""
+
+    camera_model: Literal["pinhole"]
+    intrinsics: Annotated[tuple[float, ...], Field(min_length=4, max_length=4)]  # fx, fy, cx, cy [px]
+    resolution: tuple[PositiveInt, PositiveInt]
+    distortion_model: str = ""
+    distortion_coeffs: Numbers = ()
+
+    def message(self) -> Message:
+        """The same as a message."""
+        fx_px, fy_px, cx_px, cy_px = self.intrinsics
+        width, height = self.resolution
+        return Message(
+            height=height,
+            width=width,
+            distortion_model=self.distortion_model,
+            d=self.distortion_coeffs,
+            k=(fx_px, 0.0, cx_px, 0.0, fy_px, cy_px, 0.0, 0.0, 1.0),
+        )
+
+
+class KalibrChain(_Part):
+    """The file of Kalibr for one camera."""
+
+    cam0: KalibrCamera
+
+
 class ImportedCamera(NamedTuple):
     """A camera whose lens is that of a file, and how it is stated there."""
 
@@ -122,16 +155,16 @@ class ImportedCamera(NamedTuple):
 
 def import_camera(path: Path, mounting: Camera) -> ImportedCamera:
     """The camera of the camera_info at ``path``, mounted as ``mounting``. Raises InputError with its place."""
-    data = read_first(path, _plain_yaml)
-    message = (
-        parse(data, CameraInfo, source=path).message()
-        if "camera_matrix" in data or "image_width" in data
-        else parse(data, Message, source=path)
-    )
+    message = _stated(read_first(path, _plain_yaml), path)
     fx_px, skew, cx_px, _, fy_px, cy_px, *_ = message.k
     if not (fx_px > 0 and fy_px > 0):
         raise InputError(
             f"{path}: the focal length is {fx_px:g} x {fy_px:g} px: the camera is not calibrated"
+        )
+    if WIDEST * min(fx_px, fy_px) < min(message.width, message.height):
+        raise InputError(
+            f"{path}: a focal length of {fx_px:g} x {fy_px:g} px is none of {message.width} x {message.height} px:"
+            " is it in shares of the image, or of another size?"
         )
     if not (0 <= cx_px <= message.width and 0 <= cy_px <= message.height):
         size = f"{message.width} x {message.height} px"
@@ -165,10 +198,25 @@ def import_camera(path: Path, mounting: Camera) -> ImportedCamera:
     return ImportedCamera(Camera.model_validate(_read_out(full, message, path).model_dump()), name, fit_px)
 
 
+def _stated(data: Any, path: Path) -> Message:
+    """What a file of any of the forms states, as a message. Raises InputError."""
+    names = data.keys() if isinstance(data, Mapping) else set()
+    chain = sorted(name for name in names if re.fullmatch(r"cam\d+", str(name)))
+    if len(chain) > 1:
+        raise InputError(f"{path}: holds {', '.join(chain)}: leave one camera, with the name cam0")
+    if chain:
+        return parse(data, KalibrChain, source=path).cam0.message()
+    if names & {"camera_matrix", "Camera_Matrix", "image_width", "image_Width"}:
+        return parse(data, CameraInfo, source=path).message()
+    return parse(data, Message, source=path)
+
+
 def _plain_yaml(text: str, path: Path) -> str:
     """``text`` without what OpenCV adds to YAML. Raises InputError for the other form of camera_calibration."""
     if _OST.search(text):
         raise InputError(f"{path}: is no YAML but the text ost.txt: import the file ost.yaml beside it")
+    if _XML.match(text):
+        raise InputError(f"{path}: is XML: let OpenCV write it as YAML, with a name that ends in .yaml")
     head = _OPENCV_HEAD.match(text)
     if head is None:
         return text
@@ -202,7 +250,8 @@ Lens = Callable[[Sequence[float], float], tuple[tuple[float, ...], float | None]
 
 def _lens_model(message: Message, path: Path) -> tuple[str, int, Lens]:
     """Name, number of coefficients, and conversion of a lens model. Raises InputError."""
-    name = message.distortion_model.lower()
+    name = re.sub(r"[\s-]+", "_", message.distortion_model.strip().lower())
+    name = OTHER_NAMES.get(name, name)
     if name in ("", "none") and (not name or not any(message.d)):
         name = "plumb_bob"  # of a camera without distortion
     if name not in LENSES:
@@ -227,6 +276,10 @@ LENSES: dict[str, tuple[int, Lens]] = {
     "equidistant": (4, fit_quotient),
     "fisheye": (4, fit_quotient),
 }
+
+
+OTHER_NAMES = {"radtan": "plumb_bob", "brown_conrady": "plumb_bob", "kannala_brandt": "equidistant"}
+"""Of Kalibr, of RealSense and of the literature."""
 
 
 def describe(found: ImportedCamera, path: Path, mounting: Path) -> dict[str, str]:

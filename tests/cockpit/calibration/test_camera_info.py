@@ -187,6 +187,72 @@ def test_what_no_camera_file_can_hold_is_refused_in_one_line(tmp_path, model, d,
     assert "\n" not in str(refused.value)
 
 
+def kalibr(path: Path, model: str, d: tuple[float, ...], *, cameras: int = 1) -> Path:
+    """As kalibr_calibrate_cameras writes it."""
+    intrinsics = [float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])]
+    path.write_text(
+        "".join(
+            f"cam{number}:\n  cam_overlaps: []\n  camera_model: pinhole\n  distortion_coeffs: {list(d)}\n"
+            f"  distortion_model: {model}\n  intrinsics: {intrinsics}\n  resolution: [640, 480]\n"
+            f"  rostopic: /cam{number}/image_raw\n"
+            for number in range(cameras)
+        )
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("of_kalibr", "of_ros", "d"),
+    [("radtan", "plumb_bob", PLUMB_BOB[:4]), ("equidistant", "equidistant", FISHEYE), ("none", "none", ())],
+)
+def test_a_chain_of_kalibr_means_the_same_as_a_camera_info(tmp_path, of_kalibr, of_ros, d):
+    found = import_camera(kalibr(tmp_path / "camchain.yaml", of_kalibr, d), MOUNTING)
+    assert found == import_camera(calibration(tmp_path / "info.yaml", of_ros, d), MOUNTING)
+
+
+def test_a_chain_of_several_cameras_is_refused_with_their_names(tmp_path):
+    with pytest.raises(InputError, match=r"holds cam0, cam1: leave one camera"):
+        import_camera(kalibr(tmp_path / "camchain.yaml", "radtan", PLUMB_BOB[:4], cameras=2), MOUNTING)
+
+
+@pytest.mark.parametrize("name", ["Plumb Bob", "plumb-bob", "brown_conrady", "radtan"])
+def test_other_names_of_a_lens_model_mean_the_same(tmp_path, name):
+    found = import_camera(calibration(tmp_path / "other.yaml", f'"{name}"', PLUMB_BOB), MOUNTING)
+    assert found == import_camera(calibration(tmp_path / "info.yaml", "plumb_bob", PLUMB_BOB), MOUNTING)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("K", "D", "image_width", "image_height"),
+        ("Camera_Matrix", "Distortion_Coefficients", "image_Width", "image_Height"),
+    ],
+)
+def test_other_names_of_the_fields_of_opencv_mean_the_same(tmp_path, names):
+    info = calibration(tmp_path / "info.yaml", "plumb_bob", PLUMB_BOB)
+    text = info.read_text()
+    for old, new in zip(
+        ("camera_matrix", "distortion_coefficients", "image_width", "image_height"), names, strict=True
+    ):
+        text = text.replace(f"{old}:", f"{new}:")
+    other = tmp_path / "opencv.yaml"
+    other.write_text(text)
+    assert import_camera(other, MOUNTING) == import_camera(info, MOUNTING)
+
+
+def test_a_matrix_in_shares_of_the_image_is_refused(tmp_path):
+    info = calibration(tmp_path / "info.yaml", "plumb_bob", PLUMB_BOB, np.diag([1 / 640, 1 / 480, 1.0]) @ K)
+    with pytest.raises(InputError, match=r"is none of 640 x 480 px: is it in shares of the image"):
+        import_camera(info, MOUNTING)
+
+
+def test_xml_of_opencv_is_refused_with_the_way_to_yaml(tmp_path):
+    path = tmp_path / "info.xml"
+    path.write_text('<?xml version="1.0"?>\n<opencv_storage></opencv_storage>\n')
+    with pytest.raises(InputError, match=r"is XML: let OpenCV write it as YAML"):
+        import_camera(path, MOUNTING)
+
+
 def test_the_verb_writes_a_camera_file_that_loads_as_the_camera(tmp_path):
     info, out = calibration(tmp_path / "info.yaml", "equidistant", FISHEYE), tmp_path / "camera.yaml"
     words = ["import", str(info), "--width", "320", "--out", str(out), "--json"]
