@@ -11,8 +11,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trepid.config import InputError
+from trepid.images.containers import loss_of
 from trepid.images.files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
-from trepid.images.video import loss_of, spread_images, video_frames, video_rate_hz
+from trepid.images.video import spread_images, video_frames, video_rate_hz
 from trepid.recording.images import RecordedImages, decode_image, recorded_car, recorded_images
 from trepid.recording.reader import RecordingContent, read_head
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE

@@ -1,8 +1,8 @@
 """Videos: their frames by the stamps in the file, up to its end, and what cannot be read by its name.
 
 The number of frames that a file announces proves nothing: Matroska and WebM have none, OpenCV makes one of duration
-and rate, and a trimmed MP4 keeps frames that are never shown. The lengths that its container
-states show whether a file was cut short: ISO 14496-12 (MP4, MOV), RIFF (AVI), RFC 8794 and 9559 (Matroska, WebM).
+and rate, and a trimmed MP4 keeps frames that are never shown. What is missing or damaged shows in the lengths that
+the container states (:mod:`trepid.images.containers`).
 """
 
 import math
@@ -11,12 +11,13 @@ import shlex
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from trepid.config import InputError
+from trepid.images.containers import damage_of, is_container, loss_of
 from trepid.images.files import NOMINAL_FPS
 from trepid.loudness import warn
 from trepid.types import Image
@@ -36,14 +37,11 @@ CODECS = {
     "vvc1": "VVC",
 }
 DECODED = {"H.264", "HEVC", "VP8", "VP9", "ProRes"}  # by every build of OpenCV with FFmpeg, as of PyPI
-BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free")  # that begin an MP4 or MOV
 LEAST_STEP_S = 5e-4  # between two frames: stamps are whole milliseconds or finer, and rates below 1 kHz
 MOST_FRAMES = 1e8
 MOST_DAMAGED = 300  # frames in a row: behind more of them, or as many tries at the end, nothing is sought
 SEARCHED = 1 << 20  # bytes at both ends of a file that may name its codec
-_LEAST_ID = 0x10  # first byte of the identifier of a Matroska element: of 1 to 4 bytes
 LFS = b"version https://git-lfs"
-EBML, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 
 
 class VideoFrame(NamedTuple):
@@ -58,7 +56,8 @@ def video_frames(path: Path) -> Iterator[VideoFrame]:
     """The frames of a video up to its last one.
 
     A stamp that does not follow the one before is replaced by one period later. Damaged frames are left out, and
-    said once in a process. Raises InputError when there is no frame that can be decoded.
+    said once in a process; damaged parts of the file, which OpenCV passes over, are said at its end. Raises
+    InputError when there is no frame that can be decoded.
     """
     capture = cv2.VideoCapture(str(path))
 
@@ -76,7 +75,8 @@ def video_frames(path: Path) -> Iterator[VideoFrame]:
                 failed += 1
                 continue
             if failed:
-                _warn_of_damage(path, number + 1, failed)
+                what = f"damaged before frame {number + 1}: {failed} frames cannot be decoded; left out"
+                _warn_once(path, what)
                 failed = 0
             number += 1
             stamp_s = 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC)
@@ -85,13 +85,15 @@ def video_frames(path: Path) -> Iterator[VideoFrame]:
             yield VideoFrame(number, before_s, decode)
         if number < 0:
             raise InputError(_unreadable(path, capture))
+        if damage := damage_of(path):
+            _warn_once(path, damage)
     finally:
         capture.release()
 
 
 @cache
-def _warn_of_damage(path: Path, number: int, failed: int) -> None:
-    warn(f"trepid: {path}: damaged before frame {number}: {failed} frames cannot be decoded; left out")
+def _warn_once(path: Path, what: str) -> None:
+    warn(f"trepid: {path}: {what}")
 
 
 def spread_images(path: Path, count: int) -> list[Image]:
@@ -160,7 +162,7 @@ def _unreadable(path: Path, capture: cv2.VideoCapture) -> str:
         return f"{path}: video is truncated: {loss or 'the file is empty'}"
     if beginning.startswith(LFS):
         return f"{path}: is a Git LFS pointer, not the video: `git lfs pull` gets it"
-    if not capture.isOpened() and not _is_container(beginning):
+    if not capture.isOpened() and not is_container(beginning):
         return f"{path}: cannot be read as a video"
     codec = _opened_codec(capture) if capture.isOpened() else _codec_in(beginning + end)
     if codec in DECODED:
@@ -185,89 +187,3 @@ def _codec_in(data: bytes) -> str:
         return matroska[0].decode().removeprefix("V_")
     samples = [found[1].decode().lower() for found in re.finditer(rb"stsd.{12}([ -~]{4})", data, re.DOTALL)]
     return next((CODECS[code] for code in samples if code in CODECS), "")
-
-
-def _is_container(beginning: bytes) -> bool:
-    return beginning.startswith((b"RIFF", EBML)) or beginning[4:8] in BOXES
-
-
-def loss_of(path: Path) -> str:
-    """What a video file lacks by the lengths that its container states; empty for a whole or other file.
-
-    Raises OSError.
-    """
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        head = file.read(12)
-        if head[:4] == b"RIFF":
-            stated = 8 + int.from_bytes(head[4:8], "little")
-            return _missing(stated, size) if 8 < stated < 0xFFFFFFFF else ""
-        if head[:4] == EBML:
-            return _matroska_loss(file, size)
-        if head[4:8] in BOXES:
-            return _boxes_loss(file, size)
-    return ""
-
-
-def _missing(stated: int, size: int) -> str:
-    return f"{stated - size} of {stated} bytes are missing" if stated > size else ""
-
-
-def _boxes_loss(file: BinaryIO, size: int) -> str:
-    """Of the boxes of ISO 14496-12, each with its length and kind; one with the length 0 reaches to the end."""
-    place, kinds = 0, set()
-    while place + 8 <= size:
-        file.seek(place)
-        head = file.read(16)
-        length, kind = int.from_bytes(head[:4], "big"), head[4:8]
-        if not (kind.isascii() and kind.isalnum()):
-            break  # padding
-        kinds.add(kind)
-        if length == 1:
-            length = int.from_bytes(head[8:16], "big")
-        if length < 8:
-            break
-        place += length
-    if place > size:
-        return f"at least {place - size} bytes are missing"
-    return "" if b"moov" in kinds else "its index (moov) is missing"
-
-
-def _matroska_loss(file: BinaryIO, size: int) -> str:
-    """Of the segment after the header; of a live recording, which does not know its length, of its elements."""
-    file.seek(len(EBML))
-    header = _ebml_length(file)
-    if header is None:
-        return ""
-    file.seek(header, 1)
-    if file.read(len(SEGMENT)) != SEGMENT:
-        return ""
-    length = _ebml_length(file)
-    if length is not None:
-        return _missing(file.tell() + length, size)
-    return _elements_loss(file, size)
-
-
-def _elements_loss(file: BinaryIO, size: int) -> str:
-    """Of the elements from here on; one without a length, such as the cluster of a live recording, is entered."""
-    while (place := file.tell()) + 2 <= size:
-        first = file.read(1)[0]
-        if first < _LEAST_ID:
-            return ""  # padding
-        file.seek(place + 9 - first.bit_length())
-        length = _ebml_length(file)
-        end = file.tell() + (length or 0)
-        if end > size:
-            return f"at least {end - size} bytes are missing"
-        file.seek(end)
-    return ""
-
-
-def _ebml_length(file: BinaryIO) -> int | None:
-    """A length of 1 to 8 bytes, by the leading zero bits of the first one; None: not known."""
-    first = file.read(1)
-    if not first or not first[0]:
-        return None
-    count = 9 - first[0].bit_length()
-    value = int.from_bytes(bytes([first[0] & (0xFF >> count)]) + file.read(count - 1), "big")
-    return None if value == (1 << 7 * count) - 1 else value

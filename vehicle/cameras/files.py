@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from trepid.config import InputError
+from trepid.images.containers import loss_of
 from trepid.images.files import NOMINAL_FPS, images_in, read_image
-from trepid.images.video import loss_of, video_frames
+from trepid.images.video import video_frames
 from trepid.loudness import warn
 from trepid.recording.foreign import messages_of, topics_in_words, types_of
 from trepid.recording.scan import Damage

@@ -10,7 +10,8 @@ import pytest
 from video_rig import UNKNOWN, element, matroska
 
 from trepid.config import InputError
-from trepid.images.video import count_frames, loss_of, spread_images, video_frames
+from trepid.images.containers import damage_of, loss_of
+from trepid.images.video import count_frames, spread_images, video_frames
 
 TIMES_MS = [*range(0, 400, 40), *range(600, 2600, 200), 9000]
 IMAGES = [np.full((48, 64, 3), 10 * n, np.uint8) for n in range(len(TIMES_MS))]
@@ -113,10 +114,44 @@ def test_a_film_goes_on_behind_a_damaged_frame_which_is_said(
     assert len(said) == 1 and said[0].endswith("1 frames cannot be decoded; left out")
 
 
+def counted_film(path: Path, code: str) -> Path:
+    """60 frames at 20 Hz, each of the brightness of four times its number, beside noise."""
+    noise = np.random.default_rng(0).integers(0, 256, (60, 64, 96, 3), np.uint8)
+    noise[:, :32] = 4 * np.arange(60, dtype=np.uint8)[:, None, None, None]
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), 20.0, (96, 64))
+    for image in noise:
+        writer.write(image)
+    writer.release()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "code"), [("a.webm", "VP80"), ("b.webm", "VP90"), ("c.mkv", "MJPG"), ("d.avi", "MJPG")]
+)
+@pytest.mark.parametrize("damage", ["zeros", "noise"])
+def test_what_a_film_loses_in_its_middle_is_said_and_the_rest_is_read(
+    tmp_path: Path, name: str, code: str, damage: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = counted_film(tmp_path / name, code)
+    assert count_frames(path) == 60 and damage_of(path) == ""
+    data = bytearray(path.read_bytes())
+    size = len(data) // 20
+    broken = np.random.default_rng(1).bytes(size) if damage == "noise" else bytes(size)
+    data[len(data) // 2 : len(data) // 2 + size] = broken
+    path.write_bytes(data)
+    left = [(frame.t_s, frame.decode()[4:28].mean() / 4.0) for frame in video_frames(path)]
+    assert 40 < len(left) < 60 and left[-1][1] == pytest.approx(59.0, abs=1.5)
+    said = [line for line in capfd.readouterr().err.splitlines() if ": damaged at byte" in line]
+    assert len(said) == 1 and "frames there are lost" in said[0]
+    assert said[0].endswith("those after them come too early") == (path.suffix == ".avi")
+    if path.suffix != ".avi":  # there the stamps are those of the frames
+        assert all(20.0 * t_s == pytest.approx(shown, abs=1.5) for t_s, shown in left)
+
+
 def test_bytes_after_a_whole_film_are_no_loss(tmp_path: Path) -> None:
     for path in (film(tmp_path / "a.mp4"), matroska(tmp_path / "a.mkv", IMAGES, TIMES_MS)):
         path.write_bytes(path.read_bytes() + bytes(4096))
-        assert loss_of(path) == ""
+        assert loss_of(path) == "" and damage_of(path) == ""
 
 
 def test_a_missing_decoder_is_called_so_with_the_command_that_converts(tmp_path: Path) -> None:
