@@ -12,6 +12,7 @@ look-ahead × frames in a row. It falls with the way without a line.
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,12 +22,11 @@ from perception.lane.view import as_bgr, unusable
 from perception.tape.curve import STEP_M, CurveFit, LaneCurve, arc_lane
 from perception.tape.floor import FloorRaster
 from perception.tape.memory import THIN_M, LineMemory
-from perception.tape.paths import boundary_pixels
 from perception.tape.roles import VotingPoints
 from perception.tape.settings import TapeSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle, road_wheel_angle
-from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
 from trepid.scale import REFERENCE_LANE_M
 from trepid.types import Array
 
@@ -36,6 +36,8 @@ ON_M = 0.35  # of a line beside its boundary
 LEAST = 8  # points of a lane
 SEARCHED = 1.6  # of near_m, up to which lines count in the search
 BEHIND_M = 1.0  # lines behind the axle up to here count as near
+NEAREST_M = 0.3  # before the lens, of a pixel of a boundary
+BESIDE = 1.0  # image widths to either side of the image, within which a boundary is drawn
 
 
 @dataclass(frozen=True)
@@ -190,7 +192,7 @@ class TapeLane:
         fade = math.exp(-self._unseen_m / sure.coast_m) * self._looks / sure.looks
         self._sure = line * share * clear * aim * fade
         clothoid = lane.clothoid(self._settings.lookahead_m)
-        left, right = boundary_pixels(lane, self._raster.camera)
+        left, right = _boundary_pixels(lane, self._raster.camera)
         return SteeringEstimate(
             t_s=t_s,
             estimator=NAME,
@@ -238,3 +240,23 @@ def _strangeness(lane: LaneCurve) -> float:
     """Metres of line that a lane far from the car, or askew to it, needs more than another."""
     e, psi = float(lane.p[0]), float(lane.p[1])
     return 0.5 * ((e / 0.8) ** 2 + (psi / 0.4) ** 2)
+
+
+def _boundary_pixels(lane: LaneCurve, camera: Camera) -> tuple[PixelPath, PixelPath]:
+    """The left and the right boundary, from near to far along the lane, with lens distortion."""
+    drawn = lane.draw()
+    left, right = (drawn.centre + sign * 1j * lane.width_m / 2 * drawn.along for sign in (1.0, -1.0))
+    return _pixels(left.real, left.imag, camera), _pixels(right.real, right.imag, camera)
+
+
+def _pixels(x_m: Array, y_m: Array, camera: Camera) -> PixelPath:
+    at = np.column_stack([x_m - camera.x_m, y_m - camera.y_m, np.full(len(x_m), -camera.height_m)])
+    rays = at @ camera.optical_from_vehicle.T
+    rays = rays[rays[:, 2] > np.maximum(NEAREST_M, np.abs(rays[:, 0]) / 3)]
+    if len(rays) < 2:
+        return ()
+    zero = np.zeros(3)
+    pixels = cv2.projectPoints(rays, zero, zero, camera.intrinsics, camera.lens)[0].reshape(-1, 2)
+    near = (pixels[:, 0] > -BESIDE * camera.width_px) & (pixels[:, 0] < (1 + BESIDE) * camera.width_px)
+    near &= (pixels[:, 1] > 0) & (pixels[:, 1] < 1.2 * camera.height_px)
+    return tuple((float(u), float(v)) for u, v in pixels[near])
