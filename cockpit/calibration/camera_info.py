@@ -155,7 +155,7 @@ class ImportedCamera(NamedTuple):
 
 def import_camera(path: Path, mounting: Camera) -> ImportedCamera:
     """The camera of the camera_info at ``path``, mounted as ``mounting``. Raises InputError with its place."""
-    message = _stated(read_first(path, _plain_yaml), path)
+    message = _read_message(read_first(path, _plain_yaml), path)
     fx_px, skew, cx_px, _, fy_px, cy_px, *_ = message.k
     if not (fx_px > 0 and fy_px > 0):
         raise InputError(
@@ -198,7 +198,7 @@ def import_camera(path: Path, mounting: Camera) -> ImportedCamera:
     return ImportedCamera(Camera.model_validate(_read_out(full, message, path).model_dump()), name, fit_px)
 
 
-def _stated(data: Any, path: Path) -> Message:
+def _read_message(data: Any, path: Path) -> Message:
     """What a file of any of the forms states, as a message. Raises InputError."""
     names = data.keys() if isinstance(data, Mapping) else set()
     chain = sorted(name for name in names if re.fullmatch(r"cam\d+", str(name)))
@@ -260,7 +260,7 @@ def _lens_model(message: Message, path: Path) -> tuple[str, int, Lens]:
     return name, *LENSES[name]
 
 
-def _as_stated(coefficients: Sequence[float], _: float) -> tuple[tuple[float, ...], None]:
+def _as_read_message(coefficients: Sequence[float], _: float) -> tuple[tuple[float, ...], None]:
     return _strip_zeros(coefficients), None
 
 

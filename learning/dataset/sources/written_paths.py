@@ -39,7 +39,7 @@ class ImageFolder:
         for part in _parts(place):
             if here not in self._names:
                 self._names[here] = _folded_names(here)
-            name = part if part == ".." else self._names[here].get(_folded(part), "")
+            name = part if part == ".." else self._names[here].get(_fold(part), "")
             if not name:
                 return None
             here /= name
@@ -64,7 +64,7 @@ def _ends(path: str) -> list[str]:
     return [*ends[:-1], path, *ends[-1:]] if ends and _is_absolute(path) else ends
 
 
-def _folded(name: str) -> str:
+def _fold(name: str) -> str:
     return unicodedata.normalize("NFC", name).casefold()
 
 
@@ -72,6 +72,6 @@ def _folded_names(folder: Path) -> dict[str, str]:
     """The names in ``folder`` by their folded form; without those that two names share."""
     found: dict[str, str] = {}
     for path in folder.iterdir() if folder.is_dir() else ():
-        folded = _folded(path.name)
+        folded = _fold(path.name)
         found[folded] = "" if folded in found else path.name
     return found
