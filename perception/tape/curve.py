@@ -22,8 +22,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.tape.floor import TapePoints
-from perception.tape.roles import VotingPoints
+from perception.tape.floor import TapePoints, VotingPoints
 from perception.tape.settings import CurveSettings
 from trepid.clothoid import Lane, chord
 from trepid.messages import SIGMA_AHEAD_M

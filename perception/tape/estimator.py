@@ -20,9 +20,8 @@ from perception.lane.model.geometry import distances
 from perception.lane.model.prediction import VehicleMotion
 from perception.lane.view import as_bgr, unusable
 from perception.tape.curve import STEP_M, CurveFit, LaneCurve, arc_lane
-from perception.tape.floor import FloorRaster
+from perception.tape.floor import FloorRaster, VotingPoints
 from perception.tape.memory import THIN_M, LineMemory
-from perception.tape.roles import VotingPoints
 from perception.tape.settings import TapeSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle, road_wheel_angle

@@ -15,19 +15,21 @@ Steger, An unbiased detector of curvilinear structures, IEEE PAMI 20(2), 1998; t
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.tape.settings import FloorSettings
+from perception.tape.settings import FloorSettings, RoleSettings, YellowSide
 from trepid.car.camera import Camera
 from trepid.types import Array, Floats, Image, Mask
 
 MARGIN_PX = 2.0  # of the image, inside which the raster reads
 ASIDE = 1.1  # of the width of the line: where the floor beside it is compared
 MAD = 0.6745  # median of |x| of a normal deviate
+REMEMBERED = 0.5  # weight of a line that has left the image, whose place has the errors of odometry
+YELLOW_SHARE, YELLOW_GREY = 0.4, 20.0  # of the contrast in yellow by that in grey, and its least value
 
 Complex = NDArray[np.complex128]
 Indices = NDArray[np.intp]
@@ -52,6 +54,32 @@ class TapePoints(NamedTuple):
 
 
 NO_POINTS = TapePoints(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty(0))
+
+
+class VotingPoints(NamedTuple):
+    """Points of lines, and their weights (n,) where they lie left and right of the middle of a lane.
+
+    The colour of a line may say on which side it bounds the lane: what a user knows of a track and no image shows.
+    """
+
+    points: TapePoints
+    left: Array
+    right: Array
+
+    @classmethod
+    def of(cls, points: TapePoints, settings: RoleSettings) -> Self:
+        """``points`` with the weights of the lines that ``settings`` describe."""
+        weight = np.where(points.way_m > 0, REMEMBERED, 1.0)
+        if settings.yellow is YellowSide.ANY:
+            return cls(points, weight, weight)
+        grey, yellow = points.contrast[:, 0], points.contrast[:, 1]
+        own = (yellow > YELLOW_GREY) & (yellow > YELLOW_SHARE * np.abs(grey))
+        sides = weight * own, weight * ~own
+        return cls(points, *(sides if settings.yellow is YellowSide.LEFT else sides[::-1]))
+
+    def weight(self, left_m: Array) -> Array:
+        """Weight of every point at ``left_m`` left of the middle of a lane; lanes may be a further first axis."""
+        return np.where(left_m > 0, self.left, self.right)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.tape.curve import BENDS, PSI, WIDTH, CurveFit, E, LaneCurve, arc_lane
-from perception.tape.floor import TapePoints
-from perception.tape.roles import VotingPoints
+from perception.tape.floor import TapePoints, VotingPoints
 from perception.tape.settings import TapeSettings
 from trepid.config import CONFIG_DIR, load
 
