@@ -5,7 +5,8 @@ READY := $(VENV)/.ready
 TESTED := $(VENV)/.ready-test
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 BIN := $(VENV)/bin
-LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter/test_parts.py tests/controller/limiter/test_limiter.py
+LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter/test_parts.py \
+	tests/controller/limiter/test_limiter.py tests/controller/limiter/test_doubted_states.py
 # Files of other tools in every dialect and with every damage, by what they hold.
 INPUT_TESTS := tests/test_encodings.py tests/trepid/files/test_decoding.py tests/trepid/recording/test_csv_file.py \
 	tests/sim_harness/world/opendrive lab/tests/bench/foreign \

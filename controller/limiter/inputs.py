@@ -37,7 +37,9 @@ def plausible_state(
     if state is None:
         return None
     speed_mps, wheel_rad = state.speed_mps, state.road_wheel_angle_rad
-    if (speed_mps is None or wheel_rad is None) and (last_mps is None or not state.doubted):
+    known_mps = last_mps if speed_mps is None else abs(speed_mps)
+    is_partial = speed_mps is None or wheel_rad is None
+    if known_mps is None or (is_partial and (last_mps is None or not state.doubted)):
         return None
     plausible = (
         fresh(state.t_s, now_s, limits.state_timeout_s, limits)
@@ -49,7 +51,7 @@ def plausible_state(
     if not plausible:
         return None
     return SeenState(
-        speed_mps=abs(speed_mps) if speed_mps is not None else last_mps or 0.0,
+        speed_mps=known_mps,
         wheel_rad=wheel_rad,
         driver=state.driver_override,
         torque_nm=state.driver_torque_nm,

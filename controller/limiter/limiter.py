@@ -40,9 +40,8 @@ from typing import NamedTuple
 
 from controller.limiter.inputs import Arrivals, SeenState, fresh, is_finite, plausible_state
 from controller.limiter.limits import Interval, Limits, clip, inside, narrow
-from controller.limiter.override import DriverWatch
-from controller.limiter.saturation import SaturationWatch
 from controller.limiter.turn import Excess, SteadyTurn
+from controller.limiter.watches import DriverWatch, SaturationWatch
 from trepid.car.vehicle import Vehicle
 from trepid.causes import NO_COMMAND, NO_SPEED
 from trepid.config import CONFIG_DIR, load
@@ -92,7 +91,7 @@ class Limiter:
         """The driver has the car."""
         self._ours_s = 0.0  # time since the hand-back
         self._wheel = UNSEEN  # last output
-        self._seen_mps = 0.0  # last measured speed
+        self._seen_mps: float | None = None  # last measured speed
         self._accel_mps2 = 0.0  # last output
         self._gaining_mps2 = 0.0  # acceleration of the car by the drive
 
@@ -117,8 +116,7 @@ class Limiter:
         dt_s = self._elapsed_time_s(now_s)
         sound = command if command is not None and is_finite(command) else None
         frame_s = None if sound is None else sound.t_s
-        last_mps = self._seen_mps if self.has_seen_wheel else None
-        seen = plausible_state(state, now_s, self._limits, last_mps=last_mps)
+        seen = plausible_state(state, now_s, self._limits, last_mps=self._seen_mps)
         seldom = self._arrivals.too_seldom(received_s, now_s)
         self.handed_over = seen is not None and self._is_driven_by_hand(seen)
         if seen is not None and self.handed_over:

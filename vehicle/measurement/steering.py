@@ -5,7 +5,7 @@ stays within the range of all commands of the time
 
     W = lateness·(dead time + 4·time constant)
 
-as in the detection of a driver (:mod:`controller.limiter.override`). Of wheel angle and yaw rate that contradict
+as in the detection of a driver (:mod:`controller.limiter.watches`). Of wheel angle and yaw rate that contradict
 each other the one is wrong that the commands contradict, too. A wheel away from the commands with which the yaw
 rate agrees stands there: a driver or a fault of the steering moves it, and it is no wrong measurement. Under a
 driver the wheel angle is compared with its own past only, and the yaw rate with the wheel angle.

@@ -14,9 +14,8 @@ from message_rig import SHUTTLE, command, vehicle
 import controller.limiter
 from controller.limiter.inputs import COUNTED, Arrivals, fresh, is_finite, plausible_state
 from controller.limiter.limits import clip, inside, narrow
-from controller.limiter.override import DriverWatch
-from controller.limiter.saturation import SaturationWatch
 from controller.limiter.turn import FILTER_S, LEAD_S, SLOPE, Excess, SteadyTurn
+from controller.limiter.watches import DriverWatch, SaturationWatch
 from controller.model import bicycle
 
 BAD = (math.nan, math.inf, -math.inf)
@@ -240,11 +239,13 @@ def test_the_excess_is_filtered_led_and_bounded():
     assert excess.step(seen_state(speed_mps=4.0, yaw_rate_radps=-9.0), 0.025) == -1.5
 
 
-def test_without_a_yaw_rate_there_is_no_excess_and_the_filter_is_reset():
+@pytest.mark.parametrize("absent", ["yaw_rate_radps", "wheel_rad", "measures_speed"])
+def test_without_a_yaw_rate_wheel_angle_or_speed_there_is_no_excess_and_the_filter_is_reset(absent):
     one, fresh_one = Excess(SteadyTurn(SHUTTLE), EXACT), Excess(SteadyTurn(SHUTTLE), EXACT)
     known = seen_state(speed_mps=4.0, yaw_rate_radps=0.1)
     one.step(known, 0.025)
-    assert one.step(seen_state(), 0.025) == 0.0
+    without = {absent: False if absent == "measures_speed" else None}
+    assert one.step(seen_state(**(dict(speed_mps=4.0, yaw_rate_radps=0.1) | without)), 0.025) == 0.0
     assert one.step(known, 0.025) == fresh_one.step(known, 0.025)
 
 
