@@ -32,6 +32,7 @@ from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_has
 from sim_harness.sweep.store import finish_tasks
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
+from trepid.files.whole import write_whole
 from trepid.messages import Decision, SimTruth, SteeringEstimate
 
 SPEED_MPS = 5 * MPH
@@ -86,7 +87,7 @@ def _on_random_road(drives: Path, seed: int, number: int) -> Demonstration:
     rng = np.random.default_rng((seed, number))
     road = (drawn_road if rng.random() < 0.5 else random_road)(rng)
     file = drives / f"road-{number:04}.yaml"
-    file.write_text(road.settings.model_dump_json(exclude_defaults=True), encoding="utf-8")  # JSON is YAML
+    write_whole(file, road.settings.model_dump_json(exclude_defaults=True).encode())  # JSON is YAML
     changes = {
         "road": str(file),
         "start.offset_m": f"{rng.normal(0.0, OFFSET_M):.3f}",
