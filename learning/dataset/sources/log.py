@@ -17,6 +17,7 @@ from trepid.types import Column
 
 LICENCE = re.compile(r"(?i)\blicen[cs]e\b[^\n]*")
 MOST_NAMED = 20  # faults that are printed one by one
+MOST_BEYOND = 0.01  # share of rows beyond ±1 in a share of full steering
 
 
 class SteeringUnit(StrEnum):
@@ -127,3 +128,9 @@ def number(value: object) -> float:
     if math.isinf(found):
         raise ValueError(f"expected a finite number, got {value!r}")
     return found
+
+
+def refuse_beyond_lock(what: str, values: Column, remedy: str) -> None:
+    """Raise InputError for steering without unit, ``what`` by its place, that is no share of full steering."""
+    if np.nanmax(np.abs(values), initial=0.0) > 1.0 and np.mean(np.abs(values) > 1.0) > MOST_BEYOND:
+        raise InputError(f"{what} exceeds ±1, so it is no share of full steering; {remedy}")

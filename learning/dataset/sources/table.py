@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from learning.dataset.sources.log import Faults, Log, SteeringUnit, number
+from learning.dataset.sources.log import Faults, Log, SteeringUnit, number, refuse_beyond_lock
 from learning.dataset.sources.written_paths import ImageFolder
 from trepid.config import InputError
 from trepid.recording.csv_file import (
@@ -199,7 +199,9 @@ def _log_of_columns(
     log.left_positive = angle != "lock"
     log.notes.append("columns: " + ", ".join(f"{quantity} = {header[at[quantity]]}" for quantity in at))
     if angle == "lock":
-        _check_lock(path, header[at[angle]], columns[angle])
+        name = header[at[angle]]
+        unit = f"name its unit, for example --column steering_wheel_angle_deg={name}"
+        refuse_beyond_lock(f"{path}:1: column {name}", columns[angle], unit)
         log.lock_rad, log.lock_source = math.radians(UDACITY_LOCK_DEG), "the table does not have it"
     return log
 
@@ -268,15 +270,6 @@ def _check_counted(values: Mapping[str, float]) -> None:
     frame = values.get("frame", 0.0)
     if not (0.0 <= frame < 2**53 and frame.is_integer()):
         raise ValueError(f"expected the number of a frame, got {frame:g}")
-
-
-def _check_lock(path: Path, name: str, values: Column) -> None:
-    """Raise InputError for a column without unit that cannot be a share of full steering."""
-    if np.nanmax(np.abs(values), initial=0.0) > 1.0 and np.mean(np.abs(values) > 1.0) > 0.01:
-        raise InputError(
-            f"{path}:1: column {name} exceeds ±1, so it is no share of full steering; name its unit, for example"
-            f" --column steering_wheel_angle_deg={name}"
-        )
 
 
 def _name_film_frames(log: Log, frame: Column, options: TableOptions) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from learning.dataset.sources.log import Faults, Log, SteeringUnit, number
+from learning.dataset.sources.log import Faults, Log, SteeringUnit, number, refuse_beyond_lock
 from learning.dataset.sources.tub_manifest import MANIFEST, catalogs_in, read_manifest
 from learning.dataset.sources.written_paths import ImageFolder
 from trepid.config import InputError, read_text
@@ -205,6 +205,7 @@ def _log(
     if not rows:
         raise InputError(f"{path}: no record of this tub can be read")
     times_s, angles, speeds_mps = np.array(rows, dtype=np.float64).T
+    refuse_beyond_lock(f"{path}: {angle}", angles, "divide it by its largest value, 100 or the angle at lock")
     if timed:
         refuse_rounded_times(path, str(_stamp(records[0][2])), times_s, routes)
     log = Log(

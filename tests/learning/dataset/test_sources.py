@@ -214,6 +214,18 @@ def test_a_folder_with_another_manifest_and_no_catalog_is_refused(tmp_path: Path
         read(tmp_path)
 
 
+@pytest.mark.parametrize("scale", [100.0, 25.0])
+def test_steering_of_a_tub_that_is_no_share_of_full_steering_is_refused(tmp_path: Path, scale: float) -> None:
+    tub = write_tub(tmp_path / "tub", 30)
+    catalog = tub / "catalog_0.catalog"
+    records = [json.loads(line) for line in catalog.read_text().splitlines()]
+    catalog.write_text(
+        "\n".join(json.dumps(one | {"user/angle": scale * one["user/angle"]}) for one in records)
+    )
+    with pytest.raises(InputError, match=r"user/angle exceeds ±1, so it is no share of full steering"):
+        read(tub)
+
+
 def test_tub_1_is_read_by_the_numbers_of_its_records(tmp_path: Path) -> None:
     log, _ = read(write_tub_1(tmp_path / "tub"))
     assert log.kind == "tub1"
