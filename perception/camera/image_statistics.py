@@ -24,6 +24,9 @@ SPOT_MEMORY_S = 0.2  # of the running mean of the dark spots: what stands still 
 STANDING_SHARE = 0.7  # of that mean, from which on a spot stands still: after 0.24 s
 LARGEST_SHARE = 0.34  # of one frame in that mean, after however long a time: three frames at the least
 SPATTERED = 0.45  # share of spotted tiles in two consecutive frames that counts at once
+STREAK_PX, THICK_PX = 8, 4  # of that map: least length of a streak along the way, least width of a blot
+HORIZON = 0.48  # share of the rows above it, of a usual camera
+BEARINGS = 240  # around the vanishing point
 TILES = (6, 8)  # rows (a multiple of 3) and columns of tiles in which spots are counted
 MIN_SPOTTED = 0.03  # share of the area of a tile with dirt: three pixels of the map in its hundred
 MIN_STANDING = 0.5  # share of the dark spots that stand still: 0.65 to 0.9 with mud, 0.4 by chance with noise
@@ -32,7 +35,9 @@ MIN_STANDING = 0.5  # share of the dark spots that stand still: 0.65 to 0.9 with
 class ImageStatistician:
     """Statistics of every frame. Keeps checksums of past images, and where dark spots stand still."""
 
-    def __init__(self) -> None:
+    def __init__(self, horizon: float = HORIZON) -> None:
+        """``horizon``: share of the rows of a frame that are above it."""
+        self._horizon = round(min(max(horizon, 0.0), 1.0), 2)
         self._checksums: deque[int] = deque(maxlen=REMEMBERED_IMAGES)
         self._new_s = 0.0  # time of the last image that was new
         self._spots: Image | None = None  # dark spots of the last frame, and its time ...
@@ -72,9 +77,9 @@ class ImageStatistician:
 
         A spot stands still when the running mean over SPOT_MEMORY_S contains it; dirt that covers SPATTERED of the
         tiles counts from its second frame on. Patterns of the ground, joints and shadows stand still by chance for
-        two frames, seldom longer.
+        two frames, seldom longer. Streaks along the way look the same while they pass, and do not count.
         """
-        spots, before = _dark_spots(grey), self._spots
+        spots, before = _without_streaks(_dark_spots(grey), self._horizon), self._spots
         dt_s, self._spots, self._spots_s = max(t_s - self._spots_s, 0.0), spots, t_s
         if before is None or self._standing is None:
             self._standing = np.zeros(spots.shape, np.float32)
@@ -117,6 +122,40 @@ def _dark_spots(grey: Image) -> Image:
     return cv2.compare(
         depth, cv2.addWeighted(around, SPOT_DEPTH, around, 0.0, SPOT_DEPTH_GREY), cv2.CMP_GT
     ).astype(np.uint8, copy=False)
+
+
+def _without_streaks(spots: Image, horizon: float) -> Image:
+    """``spots`` without the thin ones that run towards the vanishing point.
+
+    A kerb, a seam and texture that the motion blurs lie along the flow of the image, so that they stand still in it
+    while the car moves. They are found as runs of STREAK_PX along the radius in an image of bearing and radius, and
+    kept where they are THICK_PX wide in every direction, as dirt is.
+    """
+    to_polar, back = _polar_maps(horizon)
+    runs = cv2.remap(spots, *to_polar, cv2.INTER_NEAREST)
+    runs = cv2.morphologyEx(runs, cv2.MORPH_OPEN, _rectangle((STREAK_PX, 1)))
+    streaks = cv2.dilate(
+        cv2.remap(runs, *back, cv2.INTER_NEAREST), _rectangle((3, 3))
+    )  # with their ragged sides
+    thick = cv2.morphologyEx(spots, cv2.MORPH_OPEN, _rectangle((THICK_PX, THICK_PX)))
+    return cv2.subtract(spots, cv2.subtract(streaks, thick)).astype(np.uint8, copy=False)
+
+
+Maps = tuple[NDArray[np.float32], NDArray[np.float32]]  # columns and rows of the source
+
+
+@cache
+def _polar_maps(horizon: float) -> tuple[Maps, Maps]:
+    """From the map to an image with a row per bearing and a column per pixel of radius, and back."""
+    width, height = SPOT_MAP_PX
+    middle, row = (width - 1) / 2, horizon * height
+    bearing = np.linspace(0.0, math.tau, BEARINGS, endpoint=False)[:, None]
+    radius = np.arange(math.ceil(math.hypot(middle, height)) + 1)
+    y, x = np.mgrid[:height, :width] - np.array([row, middle])[:, None, None]
+    there = middle + radius * np.cos(bearing), row + radius * np.sin(bearing)
+    back = np.hypot(x, y), np.arctan2(y, x) % math.tau * (BEARINGS / math.tau)
+    to_polar, from_polar = (tuple(one.astype(np.float32) for one in maps) for maps in (there, back))
+    return (to_polar[0], to_polar[1]), (from_polar[0], from_polar[1])
 
 
 def _close_gaps(image: cv2.typing.MatLike, size: tuple[int, int]) -> cv2.typing.MatLike:

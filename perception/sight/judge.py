@@ -46,10 +46,10 @@ class ImageJudge:
 
         ``assumed``: the camera is self-calibrated.
         """
-        self._statistician = ImageStatistician()
         self._observer = SightObserver(settings, scaled_settings(camera, 1 / scale), assumed=assumed)
         self._reference, self._scale = ReferenceWorld(scale), scale
         self._glare, self._horizon = settings.glare, camera.horizon_row_px / camera.height_px
+        self._statistician = ImageStatistician(self._horizon)
 
     def step(
         self, frame: Frame, lane: SteeringEstimate | None, state: VehicleState | None, *, now_s: float

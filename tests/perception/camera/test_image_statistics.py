@@ -113,6 +113,17 @@ def test_spots_in_one_part_of_the_image_are_no_dirt():
     assert max(drive_past(spots=stripes)) == 0.0
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_kerbs_that_run_to_the_horizon_are_no_dirt_under_standing_houses(side):
+    far = blots(slice(0, 160))  # houses and trees ahead look alike for a second
+    kerbs = np.zeros((240, 320), np.uint8)
+    for away_px in (-500, -340, -180, 180, 340, 500):
+        cv2.line(kerbs, (160, 115), (160 + side * away_px, 240), 1, 9)
+    assert max(drive_past(spots=far | (kerbs > 0), frames=14)) == 0.0
+    dirt = blots(slice(None)) & (np.arange(320) < 160)
+    assert min(drive_past(spots=dirt | (kerbs > 0), frames=14)[9:]) > 0.3
+
+
 def test_noise_with_coinciding_dark_spots_is_no_dirt():
     statistician, lots = ImageStatistician(), np.random.default_rng(0)
     for number in range(20):
