@@ -231,6 +231,9 @@ class _LaneView:
 
         def steepness(of: Places) -> Array:
             x_m, _, z_m = (of.vehicle_m - self._lens_m).T
+            if self._road.bank is not None:  # in a bend a leaning plane is no measure of height
+                away_m = of.world_m - self.eye_m
+                x_m, z_m = np.hypot(away_m[:, 0], away_m[:, 1]), away_m[:, 2]
             return np.asarray(np.where(x_m > 0, z_m / np.maximum(x_m, 1e-6), -np.inf))
 
         seen = steepness(places)

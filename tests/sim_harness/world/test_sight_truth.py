@@ -16,7 +16,7 @@ from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Light, Section
 from sim_harness.world.roads.disturbances import Disturbance
-from sim_harness.world.roads.elevation import ElevationPoint
+from sim_harness.world.roads.elevation import BankPoint, ElevationPoint
 from sim_harness.world.roads.features import RoadMark, Wall, WallKind
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from sim_harness.world.sight_truth import SightTruth, load_sight_settings
@@ -136,6 +136,19 @@ def test_over_a_crest_of_constant_radius_the_sight_is_the_root_of_twice_height_t
     if expected_m < 120.0 - into_m:  # else the ground falls away only beyond the curve
         assert distance_m == pytest.approx(expected_m, abs=0.1)
         assert cause == Cause.CREST
+
+
+@pytest.mark.parametrize("bank_rad", [-0.06, 0.06])
+def test_a_bank_takes_no_sight(bank_rad):
+    """Neither an even one in a bend nor one that rolls in and out."""
+    bend = (Segment(length_m=40), Segment(length_m=20, curvature_1pm=(0.0, 0.01)))
+    bend += (Segment(length_m=200, curvature_1pm=0.01),)
+    for bank in (((0.0, bank_rad),), ((20.0, 0.0), (60.0, bank_rad), (90.0, -bank_rad))):
+        points = tuple(BankPoint(at_m=at_m, bank_rad=rad) for at_m, rad in bank)
+        for segments in (bend, LONG):
+            leaning, level = (sight(on=road(segments=segments, **of)) for of in ({"bank": points}, {}))
+            assert leaning.cause == level.cause == ""
+            assert leaning.distance_m == pytest.approx(level.distance_m, rel=0.1)
 
 
 def test_a_sag_and_an_even_grade_take_no_sight():

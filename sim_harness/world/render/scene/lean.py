@@ -21,8 +21,8 @@ from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.types import Array
 
-COLUMNS_PX = 10
-STRIP_PX = 40  # drawn from one level of the ground
+COLUMNS_PX = 20
+STRIP_PX = 80  # drawn from one level of the ground
 
 
 class BankedRelief(Relief):
