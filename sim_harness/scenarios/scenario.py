@@ -69,6 +69,7 @@ class Tag(StrEnum):
     FAULT = "fault"
     LATENCY = "latency"
     SPEED = "speed"
+    HEIGHT = "height"
 
 
 TagName = Annotated[
