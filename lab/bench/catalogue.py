@@ -162,6 +162,11 @@ BENCHMARKS = {
         "perception.tracks",
         "laps on small taped tracks: bends of 1.5 to 3 lane widths, ten tapes and floors; departures, speed",
     ),
+    "hills": Benchmark(
+        "perception.hills",
+        "hills and banks: laps under supervision, lane 15 m ahead beside a flat road, stops behind crests",
+        pictured=False,
+    ),
     "people": Benchmark(
         "people.bench",
         "people, cyclists and animals that step out, stand aside, ride ahead; their detector on real pictures",

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from sim_harness.world.roads.appearance import Marking, NeighbourLane, Paint, Section, Stroke, Surface, Verge
+from sim_harness.world.roads.elevation import BankPoint, ElevationPoint
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 
 NONE = Marking(stroke=Stroke.NONE)
@@ -16,6 +17,8 @@ VERGES = (Verge.GRASS, Verge.DRY_GRASS, Verge.SOIL, Verge.PAVEMENT)
 VERGE_SHARES = (0.5, 0.2, 0.15, 0.15)
 MAX_RATE_1PM2 = 1 / 120  # of curvature along an entry: R = 12 m after 10 m
 ARC_RAD = (0.7, 1.3)  # turn of an arc, without its clothoids
+STEEPEST, MOST_BANK_RAD = 0.12, 0.06  # of random hills
+HILL_M = (75.0, 120.0)  # from one grade to the next: crests of 300 m radius and more
 SPEEDS_MPS = {"straight": 10.0, "bend": 8.0, "tight": 5.0}
 
 
@@ -55,11 +58,12 @@ def random_road(
     *,
     gap_m: tuple[float, float] | None = None,
     snow_cover: float = 0.0,
+    hilly: bool = False,
 ) -> Road:
     """A random road of this kind and shape.
 
     ``gap_m``: stations between which both lines of the lane are missing; ``snow_cover``: share of the carriageway
-    under trodden snow.
+    under trodden snow; ``hilly``: with a random height and bank.
     """
     section = random_section(kind, rng)
     if snow_cover > 0:
@@ -68,15 +72,52 @@ def random_road(
         left, right = (line.model_copy(update={"gaps_m": (gap_m,)}) for line in (section.left, section.right))
         section = section.model_copy(update={"left": left, "right": right})
     width_m = float(rng.uniform(3.4, 5.0) if kind in UNMARKED else rng.uniform(2.9, 3.75))
-    return Road(
-        RoadSettings(
-            name=f"{kind}, {shape}",
-            closed=False,
-            lane_width_m=width_m,
-            sun_azimuth_rad=float(rng.uniform(-np.pi, np.pi)),
-            segments=random_segments(shape, rng, straight_m=0.0 if gap_m is None else gap_m[1]),
-            sections=(section,),
-        )
+    settings = RoadSettings(
+        name=f"{kind}, {shape}",
+        closed=False,
+        lane_width_m=width_m,
+        sun_azimuth_rad=float(rng.uniform(-np.pi, np.pi)),
+        segments=random_segments(shape, rng, straight_m=0.0 if gap_m is None else gap_m[1]),
+        sections=(section,),
+    )
+    return Road(with_hills(settings, rng) if hilly else settings)
+
+
+def with_hills(
+    settings: RoadSettings,
+    rng: np.random.Generator,
+    *,
+    steepest: float = STEEPEST,
+    bank_rad: float = MOST_BANK_RAD,
+) -> RoadSettings:
+    """The road with a random height and bank: grades up to ``steepest``, rising and falling in turn.
+
+    A closed road returns to the height of its start: all its grades change by the same, small amount.
+    """
+    length_m = sum(segment.length_m for segment in settings.segments)
+    count = max(int(length_m / np.mean(HILL_M)), 1)
+    if settings.closed:
+        count += count % 2  # turns that close
+    spans_m = rng.uniform(*HILL_M, count)
+    stations_m = np.concatenate([[0.0], np.cumsum(spans_m)[:-1]]) * length_m / spans_m.sum()
+    grades = rng.uniform(0.3, 1.0, count) * np.where(np.arange(count) % 2, -1, 1) * rng.choice([-1, 1])
+    if settings.closed:
+        ends = np.append(stations_m, length_m)
+        rise = np.diff(ends) * (grades + np.roll(grades, -1)) / 2
+        grades -= rise.sum() / length_m
+    grades *= steepest / max(np.abs(grades).max(), 1.0)
+    banks = rng.uniform(-bank_rad, bank_rad, count)
+    return settings.model_copy(
+        update={
+            "elevation": tuple(
+                ElevationPoint(at_m=at_m, grade=grade)
+                for at_m, grade in zip(stations_m.tolist(), grades.tolist(), strict=True)
+            ),
+            "bank": tuple(
+                BankPoint(at_m=at_m, bank_rad=rad)
+                for at_m, rad in zip(stations_m.tolist(), banks.tolist(), strict=True)
+            ),
+        }
     )
 
 

@@ -6,7 +6,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Section
+from sim_harness.world.roads.drawn import (
+    MOST_BANK_RAD,
+    STEEPEST,
+    BendShape,
+    MarkingKind,
+    random_road,
+    with_hills,
+)
 from sim_harness.world.roads.elevation import Bank, BankPoint, Elevation, ElevationPoint
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 
@@ -163,3 +172,28 @@ def test_the_pieces_from_the_start_of_a_road_give_its_heights(at_m, closed):
         start, a, b, c, d = [record for record in records if record[0] <= station_m][-1]
         ds = station_m - start
         assert a + b * ds + c * ds**2 + d * ds**3 == pytest.approx(hill.value_at(station_m), abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_hills_close_a_closed_road_and_stay_within_their_grades_and_banks(seed):
+    road = Road(with_hills(load_road("circuit").settings, np.random.default_rng(seed)))
+    stations = np.linspace(0.0, road.length_m, 1500)
+    grades = [road.grade_at(station_m) for station_m in stations.tolist()]
+    banks = [road.bank_at(station_m) for station_m in stations.tolist()]
+    assert 0.05 < max(grades) <= STEEPEST + 0.02
+    assert -STEEPEST - 0.02 <= min(grades) < -0.05
+    assert 0.02 < np.abs(banks).max() <= MOST_BANK_RAD + 1e-9
+    heights_m = road.heights_at(stations)
+    assert heights_m[0] == pytest.approx(heights_m[-1], abs=1e-6)
+    even = np.abs(np.gradient(grades, stations)).max()
+    assert even < 0.02  # crests of more than 50 m radius, where the last span closes the road, too
+
+
+def test_a_random_road_is_the_same_with_and_without_its_hills():
+    plain, hilly = (
+        random_road(MarkingKind.WHITE, BendShape.BEND, np.random.default_rng(3), hilly=on)
+        for on in (False, True)
+    )
+    assert plain.flat
+    assert not hilly.flat
+    assert hilly.settings.model_copy(update={"elevation": (), "bank": ()}) == plain.settings
