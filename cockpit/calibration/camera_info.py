@@ -271,8 +271,8 @@ def _strip_zeros(coefficients: Sequence[float]) -> tuple[float, ...]:
 
 
 LENSES: dict[str, tuple[int, Lens]] = {
-    "plumb_bob": (5, _as_stated),
-    "rational_polynomial": (8, _as_stated),
+    "plumb_bob": (5, _as_read_message),
+    "rational_polynomial": (8, _as_read_message),
     "equidistant": (4, fit_quotient),
     "fisheye": (4, fit_quotient),
 }
