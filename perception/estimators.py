@@ -302,7 +302,10 @@ def _of_other_packages() -> dict[str, Entry]:
 def _build_added(name: str, camera: Camera, vehicle: Vehicle) -> Estimator:
     from trepid import plugins
 
-    return plugins.part(plugins.Group.ESTIMATORS, name, {})(camera, vehicle)
+    make = plugins.part(plugins.Group.ESTIMATORS, name, {})
+    with plugins.beginning(plugins.Group.ESTIMATORS, name):
+        found: Estimator = make(camera, vehicle)
+    return found
 
 
 def name_of(designation: str) -> str:

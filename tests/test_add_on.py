@@ -1,10 +1,10 @@
-"""A package of its own (examples/add_on) adds an estimator, a camera, an actuator, a plant and an input of fear."""
+"""A package of its own (examples/add_on) adds an estimator, a camera, an actuator, a plant, a world, an input."""
 
 import json
 from pathlib import Path
 
 import pytest
-from add_on_rig import car_with_rules, install_add_on, trepid
+from add_on_rig import FOLDER, car_with_rules, install_add_on, trepid
 
 pytestmark = pytest.mark.long
 DRIVE = ["--set", "estimators=[cv, mirrored_cv]", "--set", "plant.model=heavy", "--set", "duration_s=6"]
@@ -27,6 +27,16 @@ def test_the_car_drives_with_an_estimator_a_plant_and_an_input_of_the_package(si
     assert row["modes"]["KEEP"] > 3.0
     light = trepid("sim", "run", "straight", "--car", str(car), *DRIVE[:2], *DRIVE[4:], "--json", site=site)
     assert json.loads(light.stdout)["distance_m"] > 1.5 * row["distance_m"]  # than with the heavy plant
+
+
+def test_the_car_drives_in_the_world_of_the_package(site: Path) -> None:
+    ring = str(FOLDER / "ring.yaml")
+    done = trepid("sim", "run", ring, "--set", "sight=truth", "--json", site=site)
+    row = json.loads(done.stdout)
+    assert (done.returncode, row["status"], row["departures"]) == (0, "passed", 0), done.stderr
+    assert row["distance_m"] > 149.0
+    missing = trepid("sim", "run", ring, site=None)
+    assert missing.returncode == 2 and "unknown world 'ring'" in missing.stderr
 
 
 def test_an_input_of_the_package_raises_fear_and_the_proofs_hold_for_it(site: Path, car: Path) -> None:

@@ -34,7 +34,7 @@ CLOSURES = {
         "assert plan_of(road, recorded=True, page=True, foxglove=False).specs",
         {"drive", "vehicle"},  # keys, and the words of the stop button
         55,
-        5_700,
+        5_720,
     ),
     "camera": Closure(
         "import vehicle.cameras.node, vehicle.cameras.device",
@@ -82,7 +82,7 @@ CLOSURES = {
         "assert build(rules=default_file('fear.yaml'))",
         {"supervisor"},
         60,
-        6_900,
+        6_920,
     ),
     "controller": Closure(
         "import controller.node\nfrom controller.controller import build\nassert build()",
@@ -96,9 +96,9 @@ CLOSURES = {
         "assert build()",
         {"vehicle", "controller"},  # the limiter
         49,
-        4_830,
+        4_850,
     ),
-    "recorder": Closure("import trepid.recording.node", set(), 29, 3_400),
+    "recorder": Closure("import trepid.recording.node", set(), 29, 3_420),
     "driver input": Closure(
         "import vehicle.driver.node",
         {"vehicle"},
@@ -106,7 +106,7 @@ CLOSURES = {
         2_250,
     ),
     "ROS 2 bridge": Closure("import vehicle.ros.bridge", {"vehicle", "controller"}, 34, 2_900),
-    "page": Closure("import cockpit.page.node", {"cockpit.page", "vehicle.driver", "drive"}, 48, 5_110),
+    "page": Closure("import cockpit.page.node", {"cockpit.page", "vehicle.driver", "drive"}, 48, 5_120),
 }
 
 ROAD = ("perception", "supervisor", "controller", "vehicle", "drive", "cockpit")

@@ -1,5 +1,5 @@
-"""Parts that other packages add through entry points: verbs, estimators, cameras, actuators, plants, inputs of
-fear, processes.
+"""Parts that other packages add through entry points: verbs, estimators, cameras, actuators, plants, worlds, inputs
+of fear, processes.
 
 A package declares, for example::
 
@@ -7,7 +7,8 @@ A package declares, for example::
     thermal = "my_package.cameras:Thermal"
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from enum import StrEnum
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -25,6 +26,7 @@ class Group(StrEnum):
     CAMERAS = "trepid.cameras"
     ACTUATORS = "trepid.actuators"
     PLANTS = "trepid.plants"
+    WORLDS = "trepid.worlds"
     FEAR_INPUTS = "trepid.fear_inputs"
     PROCESSES = "trepid.processes"
 
@@ -61,3 +63,24 @@ def part(group: Group, name: str, own: Mapping[str, Callable[..., Any]]) -> Call
     except Exception as error:  # an import runs the code of the package
         problem = f"cannot be imported: {type(error).__name__}: {error}"
         raise InputError(f"{group} {name!r} = {point.value}: {problem}") from error
+
+
+@contextmanager
+def beginning(group: Group, name: str) -> Iterator[None]:
+    """Raise InputError where a part of another package cannot begin; errors of Trepid's own parts stay."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:  # it runs the code of the package
+        if name not in added_entry_points(group):
+            raise
+        raise InputError(f"{group} {name!r}: cannot begin: {type(error).__name__}: {error}") from error
+
+
+def package_of(group: Group, name: str) -> str:
+    """The package that adds the part ``name``; "" for a part of Trepid and for an unknown one."""
+    point = added_entry_points(group).get(name)
+    if point is None:
+        return ""
+    return point.dist.name if point.dist is not None else point.module.partition(".")[0]

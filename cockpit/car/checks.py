@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from cockpit.car.finding import Finding
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, read
 from trepid.packages import PACKAGES, check_packages
+from trepid.plugins import Group, added_entry_points, package_of
 
 
 def packages() -> Finding:
@@ -130,10 +131,17 @@ def models() -> Finding:
     try:
         loaded = list(_loaded_models())
     except InputError as error:
-        return Finding(
-            "models", False, str(error), "name other files, install Trepid again, or train: `trepid train`"
-        )
+        return Finding("models", False, str(error), _model_remedy(str(error)))
     return Finding("models", True, "; ".join(loaded))
+
+
+def _model_remedy(fault: str) -> str:
+    """The remedy: the package, where the fault names an estimator that another one adds."""
+    for name in added_entry_points(Group.ESTIMATORS):
+        if fault.startswith(f"{Group.ESTIMATORS} {name!r}"):
+            package = package_of(Group.ESTIMATORS, name)
+            return f"mend or reinstall the package {package}, which adds {name}, or leave its process out"
+    return "name other files, install Trepid again, or train: `trepid train`"
 
 
 def _loaded_models() -> Iterator[str]:

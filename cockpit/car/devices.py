@@ -4,9 +4,10 @@ import time
 from typing import TYPE_CHECKING
 
 from cockpit.car.finding import Finding
+from trepid import plugins
 from trepid.car.vehicle import Vehicle
 from trepid.clock import epoch_clock, epoch_offset_ns
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, InputError, load, read
 from trepid.processes.fused import gather_specs
 from trepid.processes.settings import check_vehicle, estimators_in, load_processes
 
@@ -18,7 +19,22 @@ LISTEN_S = 2.0  # to the camera
 REPORT_S = 1.0  # until a car has reported its state
 LEAST_HZ = 10.0  # below it the images are too old for driving
 SHARE = 0.8  # of the configured rate
+CAMERA_PART = plugins.Group.CAMERAS, "camera_source.yaml", "source"
+ACTUATOR_PART = plugins.Group.ACTUATORS, "actuator.yaml", "actuator"
+"""The group of a part, and the file and field that name it."""
 ON_THE_BUS = frozenset({"ackermann"})  # actuators that need the bus of a drive
+
+
+def _package_remedy(group: plugins.Group, file: str, field: str) -> str:
+    """The remedy where another package adds the part that ``field`` of ``file`` names; "" for a part of Trepid."""
+    try:
+        name = str(read(CONFIG_DIR / file).get(field))
+    except InputError:
+        return ""  # the fault is in the file
+    package = plugins.package_of(group, name)
+    if not package:
+        return ""
+    return f"the package {package} adds {name}: its documentation says what it needs; or another {field} in {file}"
 
 
 def processes() -> Finding:
@@ -52,9 +68,8 @@ def camera() -> Finding:
             return Finding("camera", True, f"{name}: {settings.key} is on the bus of a drive")
         name, source, common = build(SourceContext(bus=None, now_s=epoch_clock(epoch_offset_ns())))
     except InputError as error:
-        return Finding(
-            "camera", False, str(error), "correct camera_source.yaml; `v4l2-ctl --list-devices` lists cameras"
-        )
+        remedy = "correct camera_source.yaml; `v4l2-ctl --list-devices` lists cameras"
+        return Finding("camera", False, str(error), _package_remedy(*CAMERA_PART) or remedy)
     try:
         began_s, stamps = time.monotonic(), list[float]()
         while time.monotonic() - began_s < LISTEN_S and not source.ended:
@@ -72,12 +87,14 @@ def judged_camera(name: str, stamps: list[float], rate_hz: float | None, trouble
     if len(stamps) < 2:
         reason = f": {trouble}" if trouble else ""
         remedy = "check cable and power; end other programs that use the camera"
+        remedy = _package_remedy(*CAMERA_PART) or remedy
         return Finding("camera", False, f"{name}: {len(stamps)} frames within {LISTEN_S:g} s{reason}", remedy)
     measured_hz = (len(stamps) - 1) / (stamps[-1] - stamps[0]) if stamps[-1] > stamps[0] else 0.0
     message = f"{name}: {measured_hz:.1f} frames/s"
     wanted_hz = max(LEAST_HZ, SHARE * (rate_hz or 0.0))
     if measured_hz < wanted_hz:
         remedy = "more light or a shorter exposure; a smaller size or fourcc: MJPG"
+        remedy = _package_remedy(*CAMERA_PART) or remedy
         return Finding("camera", False, f"{message}, expected {wanted_hz:.0f} or more", remedy)
     return Finding("camera", True, message)
 
@@ -96,7 +113,8 @@ def actuator() -> Finding:
             return Finding("actuator", True, f"{name}: its driver joins the bus of a drive")
         name, wire = build(Car(load(CONFIG_DIR / "vehicle.yaml", Vehicle), None, time.monotonic))
     except InputError as error:
-        return Finding("actuator", False, str(error), "correct actuator.yaml, or connect the device")
+        remedy = _package_remedy(*ACTUATOR_PART) or "correct actuator.yaml, or connect the device"
+        return Finding("actuator", False, str(error), remedy)
     try:
         reported, fault = _reports(wire)
         wire.close()
@@ -125,9 +143,8 @@ def judged_actuator(name: str, reported: bool, fault: str) -> Finding:
         return Finding("actuator", True, f"{name}: open, the car reports its speed and wheel angle")
     message = f"{name}: open, but the car does not report its speed and wheel angle"
     message += f": {fault}" if fault else ""
-    return Finding(
-        "actuator", False, message, "switch the car on; check channel, bit rate, sensor and wiring"
-    )
+    remedy = "switch the car on; check channel, bit rate, sensor and wiring"
+    return Finding("actuator", False, message, _package_remedy(*ACTUATOR_PART) or remedy)
 
 
 def _process_with(module: str) -> str | None:

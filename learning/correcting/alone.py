@@ -55,6 +55,8 @@ def scenario_for(source: str, network: Path, changes: Mapping[str, str]) -> Scen
     """
     check(source, network.stem, changes)
     scenario = load_scenario(source, {**changes, **changes_of([str(network)])})
+    if scenario.world is not None:  # its route has no length that is known before
+        return scenario
     route_s = scenario.route_m(scenario.build_road()) / (scenario.speed_mps or _cruise_mps())
     return scenario.model_copy(update={"duration_s": max(scenario.duration_s, SLACK * route_s + START_S)})
 
@@ -96,13 +98,12 @@ def drive_alone(scenario: Scenario, *, seed: int, record: Path | None = None) ->
         lead=None,
     )
     with recording(record, scenario) if record else nullcontext() as witness:
-        with_expert = _with_expert(witness, scenario, vehicle) if witness else None
+        with_expert = _with_expert(witness, Oracle(EXPERT, parts.vehicle.road, vehicle)) if witness else None
         return run(scenario, seed=seed, parts=parts, witness=with_expert)
 
 
-def _with_expert(witness: Witness, scenario: Scenario, vehicle: Vehicle) -> Witness:
+def _with_expert(witness: Witness, oracle: Oracle) -> Witness:
     """``witness``, with the estimates of the expert for every frame whose exact lane is the present one."""
-    oracle = Oracle(EXPERT, scenario.build_road(), vehicle)
     newest: SteeringEstimate | None = None
 
     def watch(now: Instant) -> None:

@@ -201,6 +201,8 @@ def lockstep_only(scenario: Scenario) -> Iterator[str]:
     """The parts of ``scenario`` that a live drive cannot simulate."""
     if scenario.sight is Sight.TRUTH:
         yield "sight: truth"
+    if scenario.world is not None:
+        yield "a world of another package"
     if scenario.leads_by is LeadSensor.MODELLED:
         yield "lead_sensor: modelled"
     yield from (fault.kind for fault in scenario.faults if isinstance(fault, EstimatorBias | LostLane))

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.people import Figure
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import STILL, ShutterMotion
-from sim_harness.world.roads.road import Road
 from sim_harness.world.sight_truth import SightDistance, SightTruth
 from trepid.messages import Frame, SimTruth
 from trepid.types import Image
@@ -30,11 +30,32 @@ class FrameWithTruth:
     sight: SightDistance | None = None  # how far the camera sees in truth, faults of the camera apart
 
 
+class Pictures(Protocol):
+    """What draws the images: the renderer, or a world of another package, which knows its own pose."""
+
+    seed: int
+
+    def render(
+        self,
+        x_m: float,
+        y_m: float,
+        yaw_rad: float,
+        *,
+        station_m: float | None,
+        t_s: float,
+        vehicles: Sequence[tuple[Pose, Body | Figure]],
+        motion: ShutterMotion,
+        attitude: Attitude,
+    ) -> Image:
+        """The image of one moment, BGR."""
+        ...
+
+
 class SimulatedCamera:
     """Renders frames from the true pose, with the camera faults that are active."""
 
     def __init__(
-        self, scenario: Scenario, renderer: Renderer | None, sight_truth: SightTruth | None = None
+        self, scenario: Scenario, renderer: Pictures | None, sight_truth: SightTruth | None = None
     ) -> None:
         """Without a ``renderer`` shots have no frames, without ``sight_truth`` no sight."""
         self._faults = scenario.faults
@@ -72,16 +93,17 @@ class SimulatedCamera:
         pose = (truth.x_m, truth.y_m, truth.yaw_rad)
         return self._sight_truth.at(truth.station_m, pose, others(truth, self._bodies))
 
-    def _attitude(self, road: Road, truth: SimTruth) -> Attitude:
+    def _attitude(self, renderer: Pictures, truth: SimTruth) -> Attitude:
         """The attitude of the body by the forces of its tyres, which also hold its weight on a slope."""
-        if self._body is None:
+        if self._body is None or not isinstance(renderer, Renderer):
             return LEVEL
+        road = renderer.road
         grade, lean_rad = road.grade_at(truth.station_m), self._plant_bank_rad + road.bank_at(truth.station_m)
         ahead_mps2 = truth.longitudinal_accel_mps2 + GRAVITY_MPS2 * math.sin(math.atan(grade))
         left_mps2 = truth.lateral_accel_mps2 + GRAVITY_MPS2 * math.sin(lean_rad)
         return self._body.step(ahead_mps2, left_mps2, now_s=truth.t_s)
 
-    def _image(self, renderer: Renderer, truth: SimTruth, faults: list[Fault]) -> Image:
+    def _image(self, renderer: Pictures, truth: SimTruth, faults: list[Fault]) -> Image:
         if self._last is not None and any(isinstance(fault, FrozenCamera) for fault in faults):
             return self._last
         image = renderer.render(
@@ -92,7 +114,7 @@ class SimulatedCamera:
             t_s=truth.t_s,
             vehicles=[*others(truth, self._bodies), *people(truth, self._figures, seed=renderer.seed)],
             motion=own_motion(truth),
-            attitude=self._attitude(renderer.road, truth),
+            attitude=self._attitude(renderer, truth),
         )
         if any(isinstance(fault, BlackFrames) for fault in faults):
             image = np.zeros_like(image)

@@ -28,6 +28,7 @@ from sim_harness.judging.conditions.expect import is_driven, judge
 from sim_harness.judging.metrics import Metrics, measure, measure_further
 from sim_harness.judging.trace import Recorder, Trace
 from sim_harness.lockstep.camera import FrameWithTruth, SimulatedCamera
+from sim_harness.lockstep.foreign import CheckedWorld, WorldPictures, WorldVehicle
 from sim_harness.lockstep.lead_model import LeadModel, build_lead_model
 from sim_harness.lockstep.oracle import Oracle, clear_view
 from sim_harness.lockstep.road_user_sensor import RoadUserSensor, build_road_user_sensor
@@ -37,6 +38,7 @@ from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, lo
 from sim_harness.scenarios.events import with_events
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
+from sim_harness.scenarios.world_choice import WorldChoice
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.disturbance_table import load_table
 from sim_harness.world.sight_truth import SightDistance, SightTruth, load_sight_settings
@@ -63,7 +65,7 @@ from trepid.messages import (
 class Parts:
     """The nodes of one run."""
 
-    vehicle: SimulatedVehicle
+    vehicle: SimulatedVehicle | WorldVehicle
     camera: SimulatedCamera
     estimators: Mapping[str, Estimator]
     judge: ImageJudge
@@ -162,6 +164,8 @@ def build_parts(scenario: Scenario, *, seed: int, simulator: SimulatorSettings |
 
     Raises InputError.
     """
+    if scenario.world is not None:
+        return _parts_in_world(scenario, scenario.world, seed=seed, simulator=simulator)
     road = scenario.build_road()
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
@@ -186,6 +190,31 @@ def build_parts(scenario: Scenario, *, seed: int, simulator: SimulatorSettings |
         oracles={name: Oracle(name, road, vehicle) for name in scenario.estimators if not renderer},
         lead=_lead_sensor(scenario, seed=seed),
         road_user_sensor=build_road_user_sensor(scenario.road_users_by, seed=seed),
+    )
+
+
+def _parts_in_world(
+    scenario: Scenario, choice: WorldChoice, *, seed: int, simulator: SimulatorSettings | None
+) -> Parts:
+    """The nodes of a run in a world of another package. Raises InputError."""
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    world = CheckedWorld(choice, camera, vehicle, seed=seed)
+    settings = simulator or load_simulator()
+    car = WorldVehicle(scenario, world, vehicle, controller.limiter.build(), settings, seed=seed)
+    seen = scenario.sight is Sight.CAMERA
+    names = scenario.estimators
+    return Parts(
+        vehicle=car,
+        camera=SimulatedCamera(scenario, WorldPictures(world, seed) if seen else None),
+        estimators={name: _estimator(scenario, name) for name in names if seen},
+        judge=perception.sight.judge.build(camera, vehicle),
+        supervisor=supervisor.supervisor.build(
+            rules=scenario.rules_file, cruise_speed_mps=scenario.speed_mps
+        ),
+        controller=controller.controller.build(),
+        oracles={name: Oracle(name, car.road, vehicle) for name in names if not seen},
+        lead=_lead_sensor(scenario, seed=seed),
     )
 
 
@@ -350,7 +379,7 @@ class ClosedLoop:
     def _find_road_users(self, shot: FrameWithTruth, lost: Set[str]) -> RoadUsers | None:
         """The people, cyclists and animals; those of the detector are of its last frame, that of the lead."""
         parts = self._parts
-        if parts.road_user_sensor is not None:
+        if parts.road_user_sensor is not None and isinstance(parts.vehicle, SimulatedVehicle):
             return parts.road_user_sensor.step(parts.vehicle, shot.sight)
         if not isinstance(parts.lead, LeadFinder) or shot.frame is None or "lead" in lost:
             return None

@@ -6,8 +6,9 @@ The image statistics are constants that cause no fear, and the true sight distan
 have no other effect in such a run.
 """
 
+from typing import Protocol
+
 from perception.lane.settings import steering_settings
-from sim_harness.world.roads.road import Road
 from sim_harness.world.sight_truth import SightDistance
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
@@ -16,10 +17,18 @@ from trepid.messages import ImageStatistics, SimTruth, SteeringEstimate
 LOOKAHEAD_S = 1.0  # at least ``steering.lookahead_m`` of perception.yaml
 
 
+class Centre(Protocol):
+    """The centre of the lane of a road, or of a world of another package."""
+
+    def curvature_at(self, station_m: float) -> float:
+        """Its curvature [1/m], + = bends left."""
+        ...
+
+
 class Oracle:
     """The lane at the capture of a frame: offset, heading, and the clothoid through two curvatures of the road."""
 
-    def __init__(self, name: str, road: Road, vehicle: Vehicle) -> None:
+    def __init__(self, name: str, road: Centre, vehicle: Vehicle) -> None:
         """``name``: the estimator whose estimates it replaces."""
         self._name = name
         self._road = road

@@ -64,7 +64,7 @@ class SimulatedVehicle:
         Without ``limiter`` commands take effect as they are: behind a wire, whose near end has the limiter.
         """
         self.road = road
-        self._plant = build_plant(scenario.plant, vehicle)
+        self._plant = build_plant(scenario.plant, vehicle, seed=seed)
         self._vehicle = self._plant.vehicle
         self.nominal = vehicle
         """The vehicle by its file."""

@@ -33,6 +33,10 @@ MAX_ERROR_M, MAX_CURVATURE_1PM = 0.5, 0.08
 
 def draw(scenario: Scenario, trace: Trace, path: Path, *, seed: int) -> None:
     """Write the run as an image: views of eight sections above, map and time series below. Raises InputError."""
+    if scenario.world is not None:
+        raise InputError(
+            f"{path}: draws the simulated road, and scenario {scenario.name} has a world of its own"
+        )
     road = scenario.build_road()
     figure = Figure(figsize=SIZE_IN, dpi=DPI, layout="constrained")
     grid = figure.add_gridspec(2, 1, height_ratios=(6, 5))

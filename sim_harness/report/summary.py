@@ -5,6 +5,7 @@ Numbers are whole multiples of a step, each as the difference from the previous 
 """
 
 import base64
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ def summarise(scenario: Scenario, result: Result, film: Film | None = None) -> D
         "bands": {label: _words(trace, label, t_s) for label in BANDS},
         "events": _events(trace, t_s),
         "marks": _marks(trace, t_s),
-        "edges": _edges(scenario),
+        "edges": _edges(scenario, trace),
         "glimpses": _glimpses(trace, film) if film else None,
         "frames": _frames(trace, film) if film else None,
         "picture": _picture(trace, film) if film else None,
@@ -128,8 +129,13 @@ def _marks(trace: Trace, t_s: Column) -> list[list[Any]]:
     return marks
 
 
-def _edges(scenario: Scenario) -> list[dict[str, Any]]:
-    """x and y of the left edge of the lane, then of the right one, along the route."""
+def _edges(scenario: Scenario, trace: Trace) -> list[dict[str, Any]]:
+    """x and y of the left edge of the lane, then of the right one, along the route.
+
+    In a world of another package those beside the car at the samples of ``trace``.
+    """
+    if scenario.world is not None:
+        return [code_differences(values, 0.05) for values in _edges_beside(trace)]
     road = scenario.build_road()
     low_m, high_m = 0.0, road.length_m
     if not road.closed:
@@ -139,6 +145,16 @@ def _edges(scenario: Scenario) -> list[dict[str, Any]]:
     half_m = np.array([road.width_at(station) for station in stations_m.tolist()]) / 2
     edges = [road.positions(stations_m, side * half_m) for side in (1.0, -1.0)]
     return [code_differences(points[:, axis], 0.05) for points in edges for axis in (0, 1)]
+
+
+def _edges_beside(trace: Trace) -> Iterator[Column]:
+    """x and y of the left edge of the lane beside the car, then of the right one."""
+    samples = np.linspace(0, len(trace) - 1, min(EDGE_POINTS, len(trace))).round().astype(np.intp)
+    course_rad = (trace["yaw_rad"] - trace["heading_error_rad"])[samples]
+    half_m, offset_m = trace["lane_width_m"][samples] / 2, trace["lateral_offset_m"][samples]
+    for left_m in (half_m - offset_m, -half_m - offset_m):
+        yield trace["x_m"][samples] - left_m * np.sin(course_rad)
+        yield trace["y_m"][samples] + left_m * np.cos(course_rad)
 
 
 def _glimpses(trace: Trace, film: Film) -> dict[str, Any]:

@@ -1,19 +1,26 @@
 """The active faults, disturbances and manoeuvres of a run, as columns of its trace."""
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from sim_harness.judging.trace import USER_GAP, Trace
 from sim_harness.scenarios.scenario import Scenario
-from sim_harness.world.roads.road import Road
 from trepid.types import Column
+
+
+class Round(Protocol):
+    """A road, or the lane of a world of another package, by what stations need."""
+
+    closed: bool  # stations continue over laps of ...
+    length_m: float
 
 
 def with_events(
     trace: Trace,
     scenario: Scenario,
-    road: Road,
+    road: Round,
     manoeuvres: Sequence[Sequence[str]] = (),
     *,
     user_gaps_m: Sequence[float | None] = (),

@@ -22,6 +22,7 @@ from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LostP
 from sim_harness.scenarios.road_users import RoadUser, UserSensor
 from sim_harness.scenarios.traffic import TrafficVehicle
 from sim_harness.scenarios.vary import Variation, check_vary
+from sim_harness.scenarios.world_choice import WorldChoice
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.road_file import ROAD_SUFFIXES, load_road_settings
@@ -151,7 +152,9 @@ class Scenario(Settings):
     name: str = ""  # default: the name of the file
     description: str
     tags: Annotated[tuple[TagName, ...], Field(min_length=1)]
-    road: str  # a name in roads/ (car, config), or a .yaml or .xodr (OpenDRIVE) file in the folder of the scenario
+    # A name in roads/ (car, config), or a .yaml or .xodr (OpenDRIVE) file in the folder of the scenario.
+    road: str = ""
+    world: WorldChoice | None = None  # of another package instead of a road, its pictures and a plant
     segments: tuple[Segment, ...] | None = None  # reference line instead of the road's, as an open road
     marks: tuple[RoadMark, ...] | None = None  # instead of the road's; default with `segments`: none
     junctions: tuple[Junction, ...] | None = None  # as `marks`
@@ -201,14 +204,16 @@ class Scenario(Settings):
 
     @property
     def leads_by(self) -> LeadSensor:
-        """The source of the vehicle ahead, with the default resolved."""
-        default = LeadSensor.CAMERA if self.sight is Sight.CAMERA else LeadSensor.TRUTH
+        """The source of the vehicle ahead, with the default resolved: in a world of another package none."""
+        seen = self.sight is Sight.CAMERA and self.world is None
+        default = LeadSensor.CAMERA if seen else LeadSensor.TRUTH
         return self.lead_sensor or default
 
     @property
     def road_users_by(self) -> UserSensor:
         """The source of the road users, with the default resolved."""
-        default = UserSensor.CAMERA if self.sight is Sight.CAMERA else UserSensor.TRUTH
+        seen = self.sight is Sight.CAMERA and self.world is None
+        default = UserSensor.CAMERA if seen else UserSensor.TRUTH
         return self.road_user_sensor or default
 
     def build_road(self) -> Road:
@@ -258,6 +263,13 @@ class Scenario(Settings):
         problem = self._problem_with_estimators()
         if problem:
             return problem
+        if self.world is not None:
+            return self.world.problem_beside(self) or self._problem_with_parts(None, None)
+        return self._problem_with_road()
+
+    def _problem_with_road(self) -> Problem | None:
+        if not self.road:
+            return ("road",), "a scenario needs a road, or a `world` of another package"
         if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():
             hint = did_you_mean(self.road, default_names("roads"))
             return ("road",), f"no road {self.road!r}; {hint} (or a .yaml or .xodr file)"
@@ -289,13 +301,14 @@ class Scenario(Settings):
                 return ("estimators", number), f"{name!r} is named twice"
         return None
 
-    def _problem_with_parts(self, settings: RoadSettings, road: Road) -> Problem | None:
+    def _problem_with_parts(self, settings: RoadSettings | None, road: Road | None) -> Problem | None:
+        """Both are None in a world of another package."""
         if not self.rules_file.is_file():
             return ("rules",), f"no rule file {self.rules_file}"
         others = "traffic" if self.traffic else "road_users" if self.road_users else ""
-        if others and (self.lane_width_m or settings.lane_width_m) < PUBLIC_LANE_M:
+        if settings is not None and others and (self.lane_width_m or settings.lane_width_m) < PUBLIC_LANE_M:
             return (others,), "other vehicles are those of public roads, and these lanes are of models"
-        problem = self._problem_with_plant(road)
+        problem = _problem_with_plant(self.plant, road)
         if problem:
             return problem
         for number, fault in enumerate(self.faults):
@@ -309,16 +322,6 @@ class Scenario(Settings):
                 return ("expect", "conditions", number), str(error)
         return None
 
-    def _problem_with_plant(self, road: Road) -> Problem | None:
-        vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-        try:
-            plant = build_plant(self.plant, vehicle)
-        except InputError as error:
-            return ("plant",), str(error).removeprefix("plant: ")
-        if road.bank is not None and not plant.LEANS:
-            return ("plant", "model"), f"model {str(self.plant.model)!r} does not simulate a banked road"
-        return None
-
     def lost_processes(self, elapsed_s: float) -> set[str]:
         """The processes that a fault stops now."""
         faults = (fault for fault in self.faults if isinstance(fault, LostProcess))
@@ -330,9 +333,9 @@ class Scenario(Settings):
         vehicles = [phase.kind for vehicle in self.traffic for phase in vehicle.phases]
         return [*vehicles, *(phase.kind for user in self.road_users for phase in user.phases)]
 
-    def _names_in_conditions(self, road: RoadSettings) -> dict[str, Set[str]]:
-        """The names that a condition may use, by kind."""
-        sections = {section.name for section in road.sections}
+    def _names_in_conditions(self, road: RoadSettings | None) -> dict[str, Set[str]]:
+        """The names that a condition may use, by kind; the sections of a world of another package are not known."""
+        sections = {section.name for section in road.sections} if road is not None else set()
         happenings = {fault.kind for fault in self.faults} | {*self.manoeuvres}
         happenings |= {disturbance.kind.value for disturbance in self.disturbances}
         views = (*self.estimators, "memory")
@@ -362,6 +365,17 @@ class Scenario(Settings):
         if self.distance_m is not None:
             return self.distance_m
         return road.length_m if road.closed else road.length_m - self.start.station_m
+
+
+def _problem_with_plant(settings: PlantSettings, road: Road | None) -> Problem | None:
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    try:
+        plant = build_plant(settings, vehicle)
+    except InputError as error:
+        return ("plant",), str(error).removeprefix("plant: ")
+    if road is not None and road.bank is not None and not plant.LEANS:
+        return ("plant", "model"), f"model {str(settings.model)!r} does not simulate a banked road"
+    return None
 
 
 def scenario_schema() -> str:

@@ -85,7 +85,8 @@ def build(car: Car) -> tuple[str, Actuator]:
             f"processes.yaml, or choose one of {', '.join(names()[1:])}"
         )
     try:
-        return name, kind(name)(settings, car)
+        with plugins.beginning(plugins.Group.ACTUATORS, name):
+            return name, kind(name)(settings, car)
     except InputError as error:
         if str(error).startswith(f"{name}: "):  # of the device or bus; others name their own place
             raise InputError(f"{place(read(FILE), ['actuator'], FILE)}: {error}") from error

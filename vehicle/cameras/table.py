@@ -75,7 +75,8 @@ def build(drive: SourceContext) -> tuple[str, CameraSource, WorkingSettings]:
     """Name of the configured source, the open source, and the settings of every source. Raises InputError."""
     name, settings, common = configured_source()
     try:
-        return name, kind(name)(settings, drive), common
+        with plugins.beginning(plugins.Group.CAMERAS, name):
+            return name, kind(name)(settings, drive), common
     except InputError as error:
         data = read(FILE)
         field = next((field for field in LEADING if field in data[name]), "")

@@ -13,8 +13,14 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import InputError
 
 
-def build_plant(settings: PlantSettings, vehicle: Vehicle) -> Plant:
+def build_plant(settings: PlantSettings, vehicle: Vehicle, *, seed: int = 0) -> Plant:
     """The plant of ``settings``; ``vehicle`` is the vehicle file that the controller uses. Raises InputError."""
+    plant = _plant(settings, vehicle)
+    plant.begin(seed)
+    return plant
+
+
+def _plant(settings: PlantSettings, vehicle: Vehicle) -> Plant:
     real = real_vehicle(settings, vehicle)
     match settings.model:
         case Model.KINEMATIC:
@@ -26,7 +32,10 @@ def build_plant(settings: PlantSettings, vehicle: Vehicle) -> Plant:
         case Model.HIGHWAY_ENV:
             return HighwayEnvPlant(real, settings)
         case name:
-            return plugins.part(plugins.Group.PLANTS, name, {})(real, settings)
+            make = plugins.part(plugins.Group.PLANTS, name, {})
+            with plugins.beginning(plugins.Group.PLANTS, name):
+                plant: Plant = make(real, settings)
+            return plant
 
 
 def real_vehicle(settings: PlantSettings, vehicle: Vehicle) -> Vehicle:

@@ -18,7 +18,8 @@ class Plant(ABC):
     The plane has the grade of the road, and leans by its bank. The weight pulls along the vehicle by
     -g·sin(atan(grade)), and across it to the lower side.
 
-    A model implements ``advance``, ``yaw_rate_radps`` and ``steady_angle_rad``.
+    A model implements ``advance``, ``yaw_rate_radps`` and ``steady_angle_rad``. One whose steering and drive have
+    their own lag replaces ``step``, which otherwise puts those of the vehicle file before ``advance``.
     """
 
     LEANS: ClassVar[bool] = True
@@ -29,6 +30,10 @@ class Plant(ABC):
         self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
         self.grip_mps2 = settings.friction * GRAVITY_MPS2 * math.cos(settings.bank_rad)
         self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
+
+    def begin(self, seed: int) -> None:
+        """Called once before a run; ``seed`` is that of whatever is random in the model."""
+        self.seed = seed
 
     def initial(
         self,

@@ -5,6 +5,8 @@ import os
 import socket
 import sys
 import time
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,6 +17,7 @@ from cockpit.car import checks, devices, machine
 from cockpit.car import cli as doctor_cli
 from cockpit.car.finding import Finding
 from cockpit.car.init import Like, write_car
+from trepid import plugins
 from trepid.cli import main
 from trepid.config import CAR, ROOT, InputError
 from trepid.messages import VehicleState
@@ -309,6 +312,45 @@ def test_a_camera_gets_the_clock_of_a_drive(car: Path, monkeypatch: pytest.Monke
     with_camera(car, "source: ros2\nros2: {key: 0/image/**, connect: tcp/127.0.0.1:7447}\n")
     assert "no camera here" in devices.camera().message
     assert now_s == [pytest.approx(time.time(), abs=60.0)]
+
+
+BROKEN = """
+from trepid.config import Settings
+
+class Thermal:
+    class Settings(Settings):
+        pass
+
+    def __init__(self, *_):
+        raise OSError("no licence for the sensor")
+"""
+
+
+@pytest.fixture
+def broken_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A package whose camera and estimator cannot begin."""
+    (tmp_path / "thermal_package.py").write_text(BROKEN)
+    monkeypatch.syspath_prepend(tmp_path)
+    kinds = (plugins.Group.CAMERAS, plugins.Group.ESTIMATORS)
+    points = {group: [EntryPoint("thermal", "thermal_package:Thermal", group)] for group in kinds}
+    monkeypatch.setattr(plugins, "entry_points", lambda group: points.get(group, []))
+    plugins.added_entry_points.cache_clear()
+    yield
+    plugins.added_entry_points.cache_clear()
+
+
+def test_trouble_with_a_part_of_another_package_has_that_package_as_remedy(
+    car: Path, broken_package: None
+) -> None:
+    with_camera(car, "source: thermal\nthermal: {}\n")
+    camera = devices.camera()
+    assert not camera.ok and "'thermal': cannot begin: OSError: no licence" in camera.message
+    assert "the package thermal_package adds thermal" in camera.remedy and "v4l2" not in camera.remedy
+    line = "processes: {thermal: {module: perception.node, options: {estimator: thermal}}}\n"
+    (car / "processes.yaml").write_text(line)
+    models = checks.models()
+    assert not models.ok and "trepid.estimators 'thermal': cannot begin" in models.message
+    assert "thermal_package" in models.remedy and "install Trepid" not in models.remedy
 
 
 def test_a_topic_on_the_bus_of_a_drive_is_no_fault_before_the_drive(car: Path) -> None:

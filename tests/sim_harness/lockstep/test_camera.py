@@ -9,6 +9,7 @@ from trace_rig import truth
 from sim_harness.lockstep.camera import SimulatedCamera
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.scenarios.traffic import BODIES
+from sim_harness.world.plants.springs import LEVEL
 from sim_harness.world.render.scene.view import STILL, ShutterMotion
 
 PERIOD_S = 0.04
@@ -44,7 +45,8 @@ def test_every_frame_shows_the_true_pose_at_its_own_time():
     assert [frame.t_s for _, frame in taken] == [t_s for t_s, _ in taken]
     pose, how = painter.calls[0]
     assert pose == (3.0, 1.0, 0.2)
-    assert how == {"station_m": 9.0, "t_s": 100.0, "vehicles": [], "motion": STILL}
+    still = {"motion": STILL, "attitude": LEVEL}
+    assert how == {"station_m": 9.0, "t_s": 100.0, "vehicles": [], **still}
 
 
 def test_every_other_vehicle_is_in_the_picture_with_its_shape():

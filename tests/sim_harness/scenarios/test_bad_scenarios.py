@@ -59,7 +59,7 @@ BAD = {
         ":5:9: unknown field 'start.offset'; did you mean",
     ),
     "unknown field in letters of elsewhere": (GOOD + "dürätion_s: 3\n", ":5:1: unknown field 'dürätion_s'"),
-    "missing field": (GOOD.replace("road: straight\n", ""), ":1:1: 'road' is missing"),
+    "missing field": (GOOD.replace("road: straight\n", ""), ":1:1: road: a scenario needs a road"),
     "number as key": (GOOD + "3: 4\n", ":5:1: 3: Keys should be strings"),
     "list as key": (GOOD + "? [a, b]\n: 4\n", ":5:3: not valid YAML: a sequence cannot name"),
     # Values.

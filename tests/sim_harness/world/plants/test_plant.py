@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from closed_loop_rig import drive as closed_loop
 from closed_loop_rig import generous, worst_m
@@ -13,7 +14,9 @@ from s_road_rig import s_clothoid
 from controller.laws.lateral import LawName
 from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.build import build_plant
+from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.settings import Model, PlantSettings
+from trepid import plugins
 from trepid.config import InputError
 
 NEEDS = {
@@ -114,3 +117,18 @@ def _s_worst_m(law, model, known, speed_mps):
         settings=calm.model_copy(update=dict(lateral=calm.lateral.model_copy(update=dict(law=law)))),
     )
     return worst_m(samples)
+
+
+class NoisyPlant(KinematicPlant):
+    """A plant of another package with a random grip."""
+
+    def begin(self, seed: int) -> None:
+        self.grip = np.random.default_rng(seed).uniform()
+
+
+def test_a_plant_of_another_package_begins_with_the_seed_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "part", lambda *_: NoisyPlant)
+    settings = PlantSettings().model_copy(update={"model": "noisy"})
+    built = [build_plant(settings, SHUTTLE, seed=seed) for seed in (3, 3, 4)]
+    same, again, other = (plant.grip for plant in built if isinstance(plant, NoisyPlant))
+    assert same == again != other
