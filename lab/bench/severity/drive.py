@@ -15,13 +15,13 @@ import numpy as np
 
 from lab.bench.severity.stresses import Stress, stress_of
 from perception.estimators import Estimator
+from sim_harness.lockstep.camera import Pictures
 from sim_harness.lockstep.closed_loop import ClosedLoop, Instant, Parts, build_parts
 from sim_harness.lockstep.oracle import Oracle
 from sim_harness.lockstep.unsupervised import Estimates, FollowedLane, UnsupervisedDriver
 from sim_harness.lockstep.vehicle import SimulatorSettings, load_simulator
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.sweep.store import Row
-from sim_harness.world.render.renderer import Renderer
 from supervisor.modes.analyser import AnalyserSettings, analyse, traced_cause
 from supervisor.rules.inference import CALM, FearRules
 from supervisor.supervisor import SupervisorSettings
@@ -79,9 +79,9 @@ class RememberedEstimator:
 class RecallingRenderer:
     """A renderer whose images of one drive are used again."""
 
-    def __init__(self, renderer: Renderer, images: dict[float, Image]) -> None:
+    def __init__(self, renderer: Pictures, images: dict[float, Image]) -> None:
         self._renderer, self._images = renderer, images
-        self.seed, self.road = renderer.seed, renderer.road
+        self.seed = renderer.seed
 
     def render(self, *pose: float, t_s: float, **view: Any) -> Image:
         """The image at ``t_s``."""
