@@ -11,11 +11,11 @@ from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateF
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.springs import LEVEL, Attitude, BodyOnSprings
-from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.people import Figure
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import STILL, ShutterMotion
+from sim_harness.world.roads.road import Road
 from sim_harness.world.sight_truth import SightDistance, SightTruth
 from trepid.messages import Frame, SimTruth
 from trepid.types import Image
@@ -34,6 +34,11 @@ class Pictures(Protocol):
     """What draws the images: the renderer, or a world of another package, which knows its own pose."""
 
     seed: int
+
+    @property
+    def road(self) -> Road | None:
+        """The road that is drawn; None: it is not known here, and the body stands level."""
+        ...
 
     def render(
         self,
@@ -95,9 +100,9 @@ class SimulatedCamera:
 
     def _attitude(self, renderer: Pictures, truth: SimTruth) -> Attitude:
         """The attitude of the body by the forces of its tyres, which also hold its weight on a slope."""
-        if self._body is None or not isinstance(renderer, Renderer):
-            return LEVEL
         road = renderer.road
+        if self._body is None or road is None:
+            return LEVEL
         grade, lean_rad = road.grade_at(truth.station_m), self._plant_bank_rad + road.bank_at(truth.station_m)
         ahead_mps2 = truth.longitudinal_accel_mps2 + GRAVITY_MPS2 * math.sin(math.atan(grade))
         left_mps2 = truth.lateral_accel_mps2 + GRAVITY_MPS2 * math.sin(lean_rad)

@@ -151,6 +151,8 @@ class WorldLane:
 class WorldPictures:
     """The pictures of a world where the camera asks for a renderer."""
 
+    road = None
+
     def __init__(self, world: CheckedWorld, seed: int) -> None:
         self._world, self.seed = world, seed
 

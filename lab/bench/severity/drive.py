@@ -81,7 +81,7 @@ class RecallingRenderer:
 
     def __init__(self, renderer: Pictures, images: dict[float, Image]) -> None:
         self._renderer, self._images = renderer, images
-        self.seed = renderer.seed
+        self.seed, self.road = renderer.seed, renderer.road
 
     def render(self, *pose: float, t_s: float, **view: Any) -> Image:
         """The image at ``t_s``."""

@@ -18,7 +18,7 @@ PERIOD_S = 0.04
 class Painter:
     """Draws the number of the call into the picture and records its arguments."""
 
-    seed = 0
+    seed, road = 0, None
 
     def __init__(self):
         self.calls = []
