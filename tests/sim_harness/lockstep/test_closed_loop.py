@@ -29,8 +29,9 @@ class GreyRenderer:
     """A small noisy picture per pose: enough for the image statistics, different in every frame."""
 
     seed = 0
+    road = None
 
-    def render(self, x_m, y_m, yaw_rad, *, station_m, t_s, vehicles, motion):
+    def render(self, x_m, y_m, yaw_rad, *, station_m, t_s, vehicles, motion, attitude):
         noise = np.random.default_rng(round(t_s * 1e3))
         return noise.integers(40, 220, (24, 32, 3), dtype=np.uint8)
 
