@@ -111,6 +111,7 @@ class Monitor:
 
     def _stop_before_start(self, signals: list[str]) -> None:
         """Wait for the standstill of a car that is to stop, at most for its time limit or until a second signal."""
+        self._log.waiting = ""
         self._losses.request_stop()
         asked_s = self._clock()
         while len(signals) < 2 and not self._stands():

@@ -12,7 +12,7 @@ from trepid.bus import Bus
 from trepid.clock import nanoseconds
 from trepid.messages import Diagnostic, Health
 from trepid.processes.launch import Fleet
-from trepid.processes.register import END, PROBLEMS, PROCESS
+from trepid.processes.register import END, PROBLEMS, PROCESS, WAITS
 from trepid.processes.settings import LAUNCHER
 from trepid.recording.writer import BEGAN
 from trepid.topics import DIAGNOSTICS
@@ -94,6 +94,8 @@ class Overview:
         values += [
             (f"{PROCESS}{name}", json.dumps(self._state(name, now_s))) for name in self._fleet.children
         ]
+        if self._log.waiting:
+            values.append((WAITS, self._log.waiting))
         if self._end:
             values.append((END, self._end))
         if self._began_s is not None:

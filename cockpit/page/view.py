@@ -13,7 +13,7 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.causes import concerning, in_words, line_words
 from trepid.messages import Command, CompressedFrame, Decision, Diagnostic, SteeringEstimate, Timing
-from trepid.processes.register import END, PROBLEMS, PROCESS
+from trepid.processes.register import END, PROBLEMS, PROCESS, WAITS
 from vehicle.driver.stop_button import STOPPED
 
 FRESH_S = 1.0  # older messages are not shown as the present
@@ -76,7 +76,9 @@ class PageView:
         feed = self._feed
         decision, state = _fresh_decision(feed.decision, now_s), feed.state.refresh()
         state = state if state is not None and now_s - state.t_s <= FRESH_S else None
-        report, hold, command = feed.report, self.hold(now_s), feed.command.refresh()
+        hold, command = self.hold(now_s), feed.command.refresh()
+        reported = {} if feed.report is None else dict(feed.report.values)
+        waits = reported.get(WAITS, "")
         stops = self._own_stop(now_s)
         driver = bool(state and state.driver_override)
         shown = None if decision is None else _decision(decision)
@@ -85,7 +87,8 @@ class PageView:
         return {
             "now": now_s,
             **self._of_drive,
-            "says": "" if report is None else dict(report.values).get(PROBLEMS, report.message),
+            "says": "" if waits or feed.report is None else reported.get(PROBLEMS, feed.report.message),
+            "waits": waits,
             "because": stops or reason(decision, command=command, driver=driver),
             "held": hold is not None and hold.held,
             "stops": bool(stops),

@@ -10,6 +10,7 @@ from drive.overview import Overview
 from trepid.bus import free_endpoint, open_bus
 from trepid.messages import Diagnostic, Health
 from trepid.processes.process import READY
+from trepid.processes.register import WAITS
 from trepid.processes.settings import ProcessSpec
 from trepid.topics import DIAGNOSTICS
 
@@ -75,3 +76,12 @@ def test_the_launcher_goes_on_after_a_heartbeat_without_the_usual_values():
         overview.publish(Health.OK, "driving")
     assert log.malformed_count("horn") == 2
     assert log.loads.of("horn") == {"rate_hz": None, "cpu_percent": None}
+
+
+def test_the_report_of_the_launcher_says_what_the_drive_waits_for_until_it_begins():
+    sent: list[Diagnostic] = []
+    log = SimpleNamespace(now_s=time.monotonic, diagnostics={}, waiting="")
+    overview = Overview(SimpleNamespace(publisher=lambda _: sent.append), log, SimpleNamespace(children={}))
+    for log.waiting in ("waiting for cnn", ""):
+        overview.publish(Health.OK, log.waiting)
+    assert [dict(report.values).get(WAITS) for report in sent] == ["waiting for cnn", None]

@@ -32,7 +32,7 @@ from trepid.messages import (
 )
 from trepid.processes.launch import Fleet
 from trepid.processes.page_door import PageDoor, page_door
-from trepid.processes.register import END, PROCESS
+from trepid.processes.register import END, PROCESS, WAITS
 from trepid.processes.settings import LAUNCHER, ProcessSpec
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -89,6 +89,7 @@ class Scene:
         self.path: dict[str, Any] = {}  # further fields of the decision
         self.silent = False
         self.own_stop = ""  # what the vehicle process says of a stop of its own
+        self.waits = ""  # what the drive waits for before it begins
         self.end = ""  # why the drive has ended
         self.deaf = False  # the vehicle process receives no request of the stop button
 
@@ -177,6 +178,7 @@ class Publisher:
         }  # fmt: skip
         lost = {**row, "name": "cnn", "alive": False, "message": "was killed by SIGKILL", "rate_hz": None}
         values = (
+            (WAITS, scene.waits),
             (END, scene.end),
             (f"{PROCESS}vehicle", json.dumps(row)),
             (f"{PROCESS}cnn", json.dumps(lost)),

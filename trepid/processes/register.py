@@ -16,6 +16,8 @@ END = "end"
 """Value of the last report of the launcher: why the drive ended, and how it was judged."""
 PROBLEMS = "problems"
 """Name of the value in that report with its problems alone, without what the car does."""
+WAITS = "waits"
+"""Value of the reports before the beginning of the drive: what it waits for."""
 
 
 class Running(Settings):

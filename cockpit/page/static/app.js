@@ -11,6 +11,7 @@ import { tabs } from "./tabs.js";
 
 const WRONG_TOKEN = 4401, WRONG_ORIGIN = 4403, TOO_MANY = 4429, ENDED = 4410;
 const SILENT_MS = 1500, FIRST_RETRY_MS = 250, LAST_RETRY_MS = 2000, NOTICE_MS = 60000;
+const BRIEF_S = 1; // a shorter loss of the connection needs no notice
 const element = id => document.getElementById(id);
 
 function token() {
@@ -57,9 +58,9 @@ function notice(text) {
 }
 
 function found(state) {
-  const clock = new Date().toLocaleTimeString([], { hour12: false });
+  const clock = new Date().toLocaleTimeString([], { hour12: false }), gone_s = (performance.now() - lost) / 1000;
   if (drive !== null && drive !== state.drive) notice(`New drive: ${state.what}, since ${clock}. The values of the drive before are gone.`);
-  else if (lost) notice(`Connected again at ${clock}, after ${((performance.now() - lost) / 1000).toFixed(0)} s.`);
+  else if (lost && gone_s >= BRIEF_S) notice(`Connected again at ${clock}, after ${gone_s.toFixed(0)} s.`);
   drive = state.drive;
   lost = 0;
 }

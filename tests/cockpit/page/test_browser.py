@@ -245,6 +245,15 @@ def test_a_warning_before_a_line_stands_at_its_side_of_the_picture_and_sounds_af
     assert viewer.becomes("sound-state", "off")
 
 
+def test_before_the_drive_begins_the_banner_says_what_it_waits_for_and_is_no_stop(viewer):
+    viewer.scene.decision |= dict(mode=Mode.STOP, stop=Stop.COMFORT, cause="no_path")
+    viewer.scene.waits = "waiting for the start of the scenario"
+    assert viewer.becomes("mode", "NOT BEGUN") and viewer.becomes("because", viewer.scene.waits)
+    assert viewer.js("return document.getElementById('banner').dataset.mode") == "NONE"
+    viewer.scene.waits = ""
+    assert viewer.becomes("mode", "STOP")
+
+
 def test_a_value_that_is_absent_is_a_dash_and_silence_is_no_data(viewer):
     viewer.scene.speed_mps = None
     assert viewer.becomes("speed", "–")

@@ -25,7 +25,7 @@ from trepid.car.camera import Camera
 from trepid.causes import OWN_STOPS
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Diagnostic, Health, LeadVehicle, RoadUsers, StopRequest, Timing
-from trepid.processes.register import END, PROBLEMS
+from trepid.processes.register import END, PROBLEMS, WAITS
 from trepid.processes.settings import LAUNCHER
 from trepid.topics import CAMERA_COMPRESSED, DECISION, DIAGNOSTICS, SIM_TRUTH, TIMING, VEHICLE_STATE
 from trepid.wire import to_cdr
@@ -370,6 +370,19 @@ def test_the_page_knows_why_the_drive_ended_by_the_last_report_of_the_launcher()
     air.beat(LAUNCHER, "the drive has ended", **{END: "its 30 s are over; passed"})
     view._feed.poll()
     assert view.end == "its 30 s are over; passed"
+
+
+def test_before_its_beginning_the_page_has_what_the_drive_waits_for_and_no_second_line_about_it():
+    air, _, view, _ = idle_page()
+    words = "waiting for the start of the scenario"
+    air.beat(LAUNCHER, words, **{PROBLEMS: words, WAITS: words})
+    view._feed.poll()
+    shown = view.state(air.now_s)
+    assert (shown["waits"], shown["says"]) == (words, "")
+    air.beat(LAUNCHER, "cruise speed", **{PROBLEMS: "cnn exited"})
+    view._feed.poll()
+    shown = view.state(air.now_s)
+    assert (shown["waits"], shown["says"]) == ("", "cnn exited")
 
 
 def test_the_banner_gets_what_a_standing_car_waits_for_and_the_words_of_the_stop_button():
