@@ -7,9 +7,10 @@ packages, names of modules given as strings count as well.
 import ast
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import networkx
 import pytest
@@ -60,25 +61,50 @@ def modules() -> dict[str, Path]:
     return found
 
 
+class Source(NamedTuple):
+    """What a file states: read once for all tests, without its tree, which would take a hundred times its size."""
+
+    has_docstring: bool
+    imports: tuple[str, ...]  # also those inside functions
+    modules: tuple[str, ...]  # of the packages, in strings
+    classes: tuple[tuple[str, int], ...]  # with their lines
+    functions: tuple[str, ...]
+    numbers: tuple[tuple[str, float], ...]
+
+
+@cache
+def source(path: Path) -> Source:
+    """What the Python file ``path`` states."""
+    tree = ast.parse(path.read_text())
+    nodes = list(ast.walk(tree))
+    return Source(
+        ast.get_docstring(tree) is not None,
+        tuple(imported_names(tree)),
+        tuple(named_modules(nodes)),
+        tuple((n.name, (n.end_lineno or 0) - n.lineno + 1) for n in nodes if isinstance(n, ast.ClassDef)),
+        tuple(n.name for n in nodes if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)),
+        tuple(numbers_of(nodes)),
+    )
+
+
 @cache
 def room(module: str) -> str:
     """The folder of a module, as a dotted name."""
     return module if modules()[module].name == "__init__.py" else module.rpartition(".")[0]
 
 
-def imported_names(tree: ast.AST, *, lazy: bool) -> Iterator[str]:
-    """Dotted names that ``tree`` imports when it runs; those inside functions only with ``lazy``."""
+def imported_names(tree: ast.AST) -> Iterator[str]:
+    """Dotted names that ``tree`` imports when it runs, also inside functions."""
     for child in ast.iter_child_nodes(tree):
         if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
-            continue
-        if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) and not lazy:
             continue
         if isinstance(child, ast.Import):
             yield from (alias.name for alias in child.names)
         elif isinstance(child, ast.ImportFrom) and child.module:
             yield child.module
             yield from (f"{child.module}.{alias.name}" for alias in child.names)
-        yield from imported_names(child, lazy=lazy)
+        if not isinstance(child, ast.expr):
+            yield from imported_names(child)
 
 
 @cache
@@ -87,7 +113,7 @@ def imports() -> networkx.DiGraph:
     graph = networkx.DiGraph()
     graph.add_nodes_from(modules())
     for module, path in modules().items():
-        names = imported_names(ast.parse(path.read_text()), lazy=True)
+        names = source(path).imports
         graph.add_edges_from((module, name) for name in names if name in modules() and name != module)
     return graph
 
@@ -106,9 +132,9 @@ def test_no_rooms_import_each_other_in_a_circle() -> None:
     assert circles(rooms) == []
 
 
-def named_modules(tree: ast.AST) -> Iterator[str]:
-    """Modules below a package that strings of ``tree`` name, alone, with an object, or as the start of a name."""
-    for node in ast.walk(tree):
+def named_modules(nodes: Iterable[ast.AST]) -> Iterator[str]:
+    """Modules below a package that strings of ``nodes`` name, alone, with an object, or as the start of a name."""
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             name = node.value.partition(":")[0].rstrip(".")
             parts = name.split(".")
@@ -119,21 +145,20 @@ def named_modules(tree: ast.AST) -> Iterator[str]:
 def test_no_packages_name_each_other_in_a_circle_by_imports_or_strings() -> None:
     pairs = {(a.split(".")[0], b.split(".")[0]) for a, b in imports().edges}
     for module, path in modules().items():
-        tree = ast.parse(path.read_text())
-        pairs |= {(module.split(".")[0], name.split(".")[0]) for name in named_modules(tree)}
+        pairs |= {(module.split(".")[0], name.split(".")[0]) for name in source(path).modules}
     assert circles(networkx.DiGraph((a, b) for a, b in pairs if a != b)) == []
 
 
 def test_a_module_in_a_string_counts_where_it_is_the_whole_text_or_its_object_is_named() -> None:
     tree = ast.parse("a = 'drive.cli'; b = 'vehicle.actuators.table:OWN'; c = 'see drive.plan'; d = 'drive'")
-    assert list(named_modules(tree)) == ["drive.cli", "vehicle.actuators.table"]
+    assert list(named_modules(ast.walk(tree))) == ["drive.cli", "vehicle.actuators.table"]
 
 
 def test_the_tests_of_trepid_run_without_the_laboratory() -> None:
     users = [
         f"{path}: {name}"
         for path in sorted((ROOT / "tests").rglob("*.py"))
-        for name in imported_names(ast.parse(path.read_text()), lazy=True)
+        for name in source(path).imports
         if name.split(".")[0] == "lab"
     ]
     assert users == []
@@ -156,16 +181,16 @@ def test_no_room_exceeds_the_limit_of_files() -> None:
 
 def test_no_class_exceeds_the_limit_of_lines() -> None:
     long = {
-        f"{module}.{node.name}": node.end_lineno - node.lineno + 1
+        f"{module}.{name}": lines
         for module, path in modules().items()
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.ClassDef) and node.end_lineno - node.lineno >= MAX_CLASS_LINES
+        for name, lines in source(path).classes
+        if lines > MAX_CLASS_LINES
     }
     assert long == {}
 
 
 def test_every_module_and_room_has_a_docstring() -> None:
-    bare = [m for m, path in modules().items() if not ast.get_docstring(ast.parse(path.read_text()))]
+    bare = [module for module, path in modules().items() if not source(path).has_docstring]
     assert bare == []
 
 
@@ -173,9 +198,7 @@ def test_only_the_bus_imports_zenoh() -> None:
     users = {
         module
         for module, path in modules().items()
-        if any(
-            name.split(".")[0] == "zenoh" for name in imported_names(ast.parse(path.read_text()), lazy=True)
-        )
+        if any(name.split(".")[0] == "zenoh" for name in source(path).imports)
     }
     assert users == {"trepid.bus"}
 
@@ -183,9 +206,8 @@ def test_only_the_bus_imports_zenoh() -> None:
 def test_a_class_name_means_at_most_two_things() -> None:
     places: dict[str, list[str]] = {}
     for module, path in modules().items():
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ClassDef):
-                places.setdefault(node.name, []).append(module)
+        for name, _ in source(path).classes:
+            places.setdefault(name, []).append(module)
     often = {
         name: where for name, where in places.items() if len(where) > 2 and name not in SETTINGS_OF_FILES
     }
@@ -204,12 +226,10 @@ def is_bare_participle(name: str) -> bool:
 def test_no_function_or_class_is_named_by_a_bare_participle() -> None:
     tests = [path for folder in (ROOT / "tests", ROOT / "lab" / "tests") for path in folder.rglob("*.py")]
     bare = [
-        f"{path}: {node.name}"
+        f"{path}: {name}"
         for path in (*modules().values(), *tests)
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-        and is_bare_participle(node.name)
-        and node.name not in PUBLISHED_PARTICIPLES
+        for name in (*source(path).functions, *dict(source(path).classes))
+        if is_bare_participle(name) and name not in PUBLISHED_PARTICIPLES
     ]
     assert bare == []
 
@@ -224,13 +244,16 @@ OWNERS = {
 """File and field that own a number, and the names by which other places would state it again."""
 
 
-def stated_numbers(path: Path) -> Iterator[tuple[str, float]]:
+def stated_numbers(path: Path) -> Iterable[tuple[str, float]]:
     """Numbers in the fields of a YAML file, or that Python gives to names, fields and parameters: name, number."""
-    if path.suffix == ".yaml":
-        for name, number in re.findall(r"(\w+): *(\d+\.?\d*)(?=[\s,}]|$)", path.read_text()):
-            yield name, float(number)
-        return
-    for node in ast.walk(ast.parse(path.read_text())):
+    if path.suffix != ".yaml":
+        return source(path).numbers
+    fields = re.findall(r"(\w+): *(\d+\.?\d*)(?=[\s,}]|$)", path.read_text())
+    return [(name, float(number)) for name, number in fields]
+
+
+def numbers_of(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, float]]:
+    for node in nodes:
         pairs: list[tuple[str, ast.expr | None]] = []
         if isinstance(node, ast.Assign):
             pairs = [(t.id, node.value) for t in node.targets if isinstance(t, ast.Name)]

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tokenize
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 from trepid.config import ROOT
@@ -39,6 +40,12 @@ def lines_of_code(text: str) -> int:
     return len(code - docs)
 
 
+@cache
+def lines_of_file(file: str) -> int:
+    """Lines of code of a file, counted once: most modules are loaded by many programs."""
+    return lines_of_code(Path(file).read_text())
+
+
 def loaded_modules(statements: str, environment: Mapping[str, str]) -> dict[str, int]:
     """The modules of the project that a process holds after ``statements``, and their lines of code."""
     done = subprocess.run(
@@ -52,7 +59,7 @@ def loaded_modules(statements: str, environment: Mapping[str, str]) -> dict[str,
     assert done.returncode == 0, done.stderr
     files = json.loads(done.stdout.splitlines()[-1])
     return {
-        name: lines_of_code(Path(file).read_text())
+        name: lines_of_file(file)
         for name, file in files.items()
         if name.split(".")[0] in PACKAGES and Path(file).suffix == ".py"
     }

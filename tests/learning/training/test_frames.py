@@ -173,9 +173,9 @@ def test_a_point_of_the_road_moves_in_the_image_as_the_camera_moves():
 
 def test_beside_the_recorded_path_the_angle_leads_back_to_it():
     image = np.full((1, 24, 32, 3), 90, np.uint8)
-    changes = dict(viewpoint=1.0, viewpoint_m=0.3, viewpoint_rad=0.0)
+    change = augmenter(viewpoint=1.0, viewpoint_m=0.3, viewpoint_rad=0.0)
     found = [
-        float(augmenter(**changes)(image, np.zeros(1, np.float32), np.random.default_rng(seed))[1][0])
+        float(change(image, np.zeros(1, np.float32), np.random.default_rng(seed))[1][0])
         for seed in range(400)
     ]
     apart_m = -np.tan(found) / WHEELBASE_M * settings().viewpoint_ahead_m ** 2 / 2
