@@ -24,6 +24,21 @@ OF_PICTURES = ("frozen_camera", "black_frames")
 """Faults of rendered pictures. They do not occur on the true lane, and neither do their consequences."""
 NOT_JUDGED = {"black_blink", "black_frames", "frozen_before_bend", "frozen_camera"}
 """Scenarios with such a fault."""
+FAMILIES = [
+    ("jpeg", "bridge_shadows", "building_shadows", "motion_blur", "noise", "rolling_shutter", "tree_shadows"),
+    ("jpeg", "wet_road"),
+    ("dirt", "low_sun", "over_exposure", "sudden_glare", "tunnel_exit"),
+    ("dusk", "haze", "unmarked_bend", "worn_markings"),
+    ("gravel", "broken_edges"),
+    ("damaged_lines", "concrete_low_contrast"),
+    ("dirt_track", "snow_covered"),
+    ("lss_drift_left_solid", "lss_drift_left_dashed"),
+    ("lss_drift_right_solid", "lss_drift_right_dashed"),
+]
+"""Scenarios of one drive, road and expectation that differ only by what is drawn; the first drives for all."""
+ALIKE = {name for _, *others in FAMILIES for name in others}
+OF_SIGHT = ("fog", "rain", "snow", "night", "occlusion")
+"""Disturbances that end the true sight; the others change pictures alone."""
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +84,32 @@ def test_a_scenario_runs_its_first_moments(scenarios, name):
     assert (result.metrics.departures, result.metrics.collisions) == (0, 0)
 
 
+def undrawn(scenario):
+    """All of a scenario but its words, and what only pictures show: appearance, marks, disturbances of pictures."""
+    drawn = ("name", "description", "tags", "appearance", "marks", "disturbances", "vary")
+    data = scenario.model_dump(mode="json")
+    ends_sight = [one for one in data["disturbances"] if one["kind"] in OF_SIGHT]
+    sections = [(one.start_m, one.lane_width_m) for one in scenario.build_road().sections]
+    return {name: data[name] for name in data if name not in drawn} | {"of": (ends_sight, sections)}
+
+
+def first_moments(scenario):
+    """What is recorded of them, but for the grades of what is drawn."""
+    trace = run(on_the_true_lane(from_standstill(scenario.shorten(0.2)))).trace
+    columns = {name: column.tobytes() for name, column in trace.columns.items() if "disturbance." not in name}
+    return columns, trace.words
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family[1])
+def test_scenarios_that_differ_by_what_is_drawn_are_one_drive_on_the_true_lane(scenarios, family):
+    first, *others = (scenarios[name] for name in family)
+    drive, moments = undrawn(first), first_moments(first)
+    for other in others:
+        assert undrawn(other) == drive and first_moments(other) == moments
+
+
 @pytest.mark.suite
-@pytest.mark.parametrize("name", sorted(set(NAMES) - NOT_JUDGED))
+@pytest.mark.parametrize("name", sorted(set(NAMES) - NOT_JUDGED - ALIKE))
 def test_a_scenario_meets_its_expectations_on_the_true_lane(scenarios, name):
     assert list(run(on_the_true_lane(scenarios[name])).reasons) == []
 
