@@ -21,6 +21,7 @@ INPUT_TESTS := tests/test_encodings.py tests/trepid/files/test_decoding.py tests
 PROCESS_TESTS := $(shell grep -rl mark.processes tests lab/tests --include=test_*.py)
 SMOKE_TESTS := $(shell grep -rl mark.smoke tests lab/tests --include=test_*.py)
 LONG_TESTS := $(shell grep -rl mark.long tests lab/tests --include=test_*.py)
+SUITE_TESTS := $(shell grep -rl mark.suite tests --include=test_*.py)
 
 # The wheel of casadi holds most libraries two or three times, which are symbolic links elsewhere.
 define LINK_COPIES
@@ -70,10 +71,12 @@ $(READY): pyproject.toml constraints.txt
 	@touch $(READY)
 	@echo "== $(VENV) is ready to drive"
 
-# The laboratory without its dependencies: the peers of its benchmarks take 250 MB, which no test needs.
+# The laboratory without its dependencies: the peers of its benchmarks take 250 MB, which no test needs. Byte code is
+# written where it is used: compiling all of torch and its dependencies would take half a minute.
 $(TESTED): $(READY) lab/pyproject.toml
 	@echo "== adding what the tests need, and the laboratory"
-	@$(PIP) -e '.[test]'
+	@$(PIP) --no-compile -e '.[test]'
+	@$(BIN)/python -c 'import torch'  # once here, not at once in each process of the tests
 	@$(PIP) --no-deps --no-build-isolation -e lab
 	@touch $(TESTED)
 	@echo "== $(VENV) is ready to test"
@@ -104,7 +107,7 @@ live: $(TESTED)
 
 suite: $(TESTED)
 	@echo "== pytest -m suite"
-	@$(BIN)/python -m pytest -n 2 -m suite tests/sim_harness $(ARGS)
+	@$(BIN)/python -m pytest -n 2 --dist worksteal -m suite $(SUITE_TESTS) $(ARGS)
 
 wheel: $(TESTED)
 	@echo "== pytest -m wheel"
