@@ -59,6 +59,12 @@ class CameraEvidence:
         self._optics = optics
         return self._judge()
 
+    def cut_images(self, height_px: int) -> None:
+        """Images have ``height_px`` rows from now on: the same camera without the rows below."""
+        self._assumed, self.camera = (
+            one.model_copy(update={"height_px": height_px}) for one in (self._assumed, self.camera)
+        )
+
     @property
     def awaits_dashes(self) -> bool:
         """Whether dashes add anything."""

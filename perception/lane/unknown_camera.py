@@ -199,6 +199,12 @@ class LaneOfUnknownCamera:
         if news:
             self._search_anew()
 
+    def cut_images(self, height_px: int) -> None:
+        """Images have ``height_px`` rows from now on; the search begins anew, the belief in the camera stays."""
+        self._evidence.cut_images(height_px)
+        self.camera = self.camera.model_copy(update={"height_px": height_px})
+        self._begin()
+
     def add_optics(self, optics: Optics) -> None:
         """Adds all odometry so far to the evidence."""
         if self._evidence.add_optics(optics):

@@ -6,6 +6,9 @@ precise where both boundaries of a lane are of one kind, and the pairs of bounda
 the other where they agree, and against it where they do not. Of two that agree, one that its own finder doubts is
 not reported: the search may remember one that slid off the boundaries of the road.
 
+The image counts down to the lower end of the road, where a bonnet is visible (:mod:`perception.camera.lower_end`):
+its grey level is not that of the road, and no pixel of it shows a boundary.
+
 The pairs are hypotheses kept over time: those of a frame, moved with the vehicle, weigh the pairs of the next one.
 The side of the traffic is that of the car file, or learned from kerbs beside lines.
 """
@@ -16,6 +19,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from perception.camera.lower_end import SAME, LowerEnd
 from perception.camera.odometry import DriveOptics, StateOdometry
 from perception.camera.uncertainty import CameraBelief, with_camera_doubt
 from perception.lane.agreement import agreement, lane_columns
@@ -24,6 +28,7 @@ from perception.lane.detection.marks import marks
 from perception.lane.detection.shown import visible_share
 from perception.lane.estimate import lane_estimate
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
+from perception.lane.model.paths import ROW_STEP_PX
 from perception.lane.model.prediction import VehicleMotion
 from perception.lane.settings import LaneCvSettings
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair, kerb_side
@@ -34,7 +39,7 @@ from perception.lane.unknown_camera import LaneOfUnknownCamera
 from perception.lane.view import as_bgr, unusable
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Traffic, Vehicle
-from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
 from trepid.types import Image
 
 KEPT = 5  # pairs that are kept
@@ -72,9 +77,15 @@ class WhichLane:
         camera: Camera,
         vehicle: Vehicle,
         odometry: StateOdometry = StateOdometry.WAY_AND_TURN,
+        *,
+        bonnet: bool = True,
     ) -> None:
-        """``camera``: a self-calibrated one, with the medians of the belief."""
-        self._settings, self._vehicle = settings, vehicle
+        """``camera``: a self-calibrated one, with the medians of the belief.
+
+        ``bonnet``: whether images may show one; they then count down to it.
+        """
+        self._settings, self._vehicle, self._whole_px = settings, vehicle, camera.height_px
+        self._lower_end, self._end = LowerEnd() if bonnet else None, 1.0
         self._searched = LaneOfUnknownCamera(settings, camera, vehicle)
         self._drive = DriveOptics(camera, odometry)
         self._last: tuple[Frame, SteeringEstimate] | None = None
@@ -100,20 +111,32 @@ class WhichLane:
     def _find_lane(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         if unusable(frame.image):
             return self._searched.step(frame, state, now_s=now_s)
-        street, motion, before = self._settings.street, VehicleMotion.of(state), self.camera
+        street, motion, before = self._settings.street, VehicleMotion.of(state), self._searched.camera
         found = self._drive.step(frame.image, frame.t_s, motion.speed_mps, motion.yaw_rate_radps)
         if found is not None:
             self._searched.add_optics(found)
-        frame = replace(frame, image=lit(frame.image, day_grey=street.day_grey, max_gain=street.max_gain))
-        searched = self._searched.step(frame, state, now_s=now_s)
-        if self.camera is not before:
+        road = self._above_own_car(frame)
+        road = replace(road, image=lit(road.image, day_grey=street.day_grey, max_gain=street.max_gain))
+        searched = self._searched.step(road, state, now_s=now_s)
+        if self._searched.camera is not before:
             self._kept = None  # its pairs are in the metres of another camera
-        return self._choose_lane(searched, self._street(frame, motion), frame)
+        lane = self._choose_lane(searched, self._street(road, motion), road)
+        return lane if len(road.image) == len(frame.image) else _with_near_end(lane, len(frame.image))
+
+    def _above_own_car(self, frame: Frame) -> Frame:
+        """``frame`` down to the lower end of the road; the search begins anew where that is another one."""
+        if self._lower_end is None:
+            return frame
+        end = self._lower_end.step(as_bgr(frame.image))
+        if abs(end - self._end) > SAME:
+            self._end = end
+            self._searched.cut_images(round(end * self._whole_px))
+        return replace(frame, image=frame.image[: round(self._end * len(frame.image))])
 
     @property
     def camera(self) -> Camera:
         """The camera as known so far."""
-        return self._searched.camera
+        return self._searched.camera.model_copy(update={"height_px": self._whole_px})
 
     @property
     def belief(self) -> CameraBelief:
@@ -127,7 +150,7 @@ class WhichLane:
             kept = None
         lane = street_lane(
             frame.image,
-            self.camera.resize(frame.image.shape[1], frame.image.shape[0]),
+            self._searched.camera.resize(frame.image.shape[1], frame.image.shape[0]),
             self._settings,
             height_sigma=belief.height_sigma,
             on_left=self.on_left,
@@ -224,6 +247,23 @@ def _of_search(
         shown=visible_share(image, searched.left_boundary_px, searched.right_boundary_px) or 0.0,
         marks=marks(image, searched.left_boundary_px, searched.right_boundary_px),
     )
+
+
+def _with_near_end(lane: SteeringEstimate, height_px: int) -> SteeringEstimate:
+    """``lane`` with boundaries that go on straight to the lower edge of an image, under the own car."""
+    left_px, right_px = (
+        _to_lower_edge(path, height_px) for path in (lane.left_boundary_px, lane.right_boundary_px)
+    )
+    return replace(lane, left_boundary_px=left_px, right_boundary_px=right_px)
+
+
+def _to_lower_edge(path: PixelPath, height_px: int) -> PixelPath:
+    if len(path) < 2:
+        return path
+    (x_px, row), (next_px, next_row) = path[:2]
+    slope = (x_px - next_px) / (row - next_row)
+    rows = np.arange(row + ROW_STEP_PX, height_px + 1, ROW_STEP_PX)[::-1].tolist()
+    return (*((x_px + slope * (at - row), at) for at in rows), *path)
 
 
 def _with_confidence(estimate: SteeringEstimate, confidence: float) -> SteeringEstimate:

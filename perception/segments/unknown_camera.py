@@ -37,7 +37,7 @@ class LaneOfPictures:
         camera = typical_camera(width_px, height_px, horizon, self._settings.self_calibration)
         if self._finder is None or _differs(camera, self.camera):
             self.camera = camera
-            self._finder = WhichLane(self._settings, camera, self._vehicle, StateOdometry.NONE)
+            self._finder = WhichLane(self._settings, camera, self._vehicle, StateOdometry.NONE, bonnet=False)
         return self._finder
 
 

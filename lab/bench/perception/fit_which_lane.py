@@ -81,7 +81,8 @@ def samples(drawn: Iterable[Look], settings: LaneCvSettings) -> tuple[Samples, S
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     found: tuple[list[tuple[tuple[float, ...], bool, str]], ...] = ([], [])
     for look in drawn:
-        finder = WhichLane(settings, calibrate_by_images([look.image], settings.self_calibration), vehicle)
+        camera = calibrate_by_images([look.image], settings.self_calibration)
+        finder = WhichLane(settings, camera, vehicle, bonnet=False)
         finder.step(Frame(t_s=0.0, image=look.image), None, now_s=0.0)
         for rows, one in zip(found, finder.looks, strict=False):
             rows.append((one.features, is_right(one.estimate, look), FAMILIES.get(look.kind, "marked")))

@@ -2,8 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bonnet_rig import with_bonnet
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
 
+from perception.camera.lower_end import LOOKS
 from perception.camera.odometry import StateOdometry
 from perception.camera.self_calibration import calibrate_by_images
 from perception.estimators import build_beside, entry_of
@@ -76,6 +78,38 @@ def test_a_dark_street_is_brightened_and_a_light_one_is_not():
     dark, light = np.full((240, 320, 3), 30, np.uint8), np.full((240, 320, 3), 120, np.uint8)
     assert lit(dark, day_grey=80, max_gain=4)[200, 160, 1] == 80
     assert lit(light, day_grey=80, max_gain=4) is light
+
+
+@pytest.mark.parametrize("grey", [12, 190])
+def test_a_bonnet_below_the_road_takes_no_confidence_from_the_lane(grey):
+    image = road(STRAIGHT, camera=DASHCAM)
+    covered = with_bonnet(image, grey)
+    bare, seen = (
+        estimate_by(entry_of("cv").build(assumed_camera(one), VEHICLE, assumed=True), one)
+        for one in (image, covered)
+    )
+    assert seen.confidence > 0.9 * bare.confidence > 0.5
+    assert seen.lateral_offset_m == pytest.approx(bare.lateral_offset_m, abs=0.1)
+    assert [row for _, row in seen.left_boundary_px[:8]] == [row for _, row in bare.left_boundary_px[:8]]
+    for name in ("left_boundary_px", "right_boundary_px"):  # straight on, under the bonnet
+        near = [np.array(getattr(one, name)[:8])[:, 0] for one in (seen, bare)]
+        assert near[0] == pytest.approx(near[1], abs=6.0)
+
+
+def test_the_camera_keeps_its_size_and_what_is_known_of_it_when_a_bonnet_appears():
+    image = road(STRAIGHT, camera=DASHCAM)
+    covered, camera = with_bonnet(image, 12), assumed_camera(image)
+    finder = WhichLane(SETTINGS, camera, VEHICLE)
+    assumed = finder.belief
+    looks = SETTINGS.unknown_camera.width_looks
+    for number in range(looks + 1):
+        estimate_by(finder, image, t_s=0.04 * number)
+    known = finder.belief
+    assert known.height_sigma < assumed.height_sigma  # by the width of the lane
+    for number in range(looks + 1, looks + LOOKS + 1):
+        estimate_by(finder, covered, t_s=0.04 * number)
+    assert finder.belief == known and finder.camera.height_px == len(image)
+    assert finder._searched.camera.height_px < 0.85 * len(image)
 
 
 @pytest.mark.parametrize(
