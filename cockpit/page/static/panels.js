@@ -51,7 +51,7 @@ export class Panels {
     put("driven", number(state.driven, 0));
     put("source", decision?.source ?? "none");
     if (state.stops || (state.stopping && !state.stop_undelivered)) this.mode("STOP", "STOP", state.stops ? state.because : "stop button pressed");
-    else if (state.waits) this.mode("NONE", "NOT BEGUN", state.waits);
+    else if (state.waits) this.mode("NONE", "WAITING", state.waits);
     else if (!decision) this.mode("NONE", "NO DATA", "no decision of the supervisor");
     else this.mode(decision.mode, decision.mode, state.because);
     this.fear(decision);

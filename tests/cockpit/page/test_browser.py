@@ -248,8 +248,13 @@ def test_a_warning_before_a_line_stands_at_its_side_of_the_picture_and_sounds_af
 def test_before_the_drive_begins_the_banner_says_what_it_waits_for_and_is_no_stop(viewer):
     viewer.scene.decision |= dict(mode=Mode.STOP, stop=Stop.COMFORT, cause="no_path")
     viewer.scene.waits = "waiting for the start of the scenario"
-    assert viewer.becomes("mode", "NOT BEGUN") and viewer.becomes("because", viewer.scene.waits)
+    assert viewer.becomes("mode", "WAITING") and viewer.becomes("because", viewer.scene.waits)
     assert viewer.js("return document.getElementById('banner').dataset.mode") == "NONE"
+    end_px, next_px = viewer.js("""
+        const word = document.createRange(), fear = document.getElementById('fear-now');
+        word.selectNodeContents(document.getElementById('mode'));
+        return [word.getBoundingClientRect().right, fear.getBoundingClientRect().left];""")
+    assert end_px < next_px, "the longest word of the banner covers the fear"
     viewer.scene.waits = ""
     assert viewer.becomes("mode", "STOP")
 
