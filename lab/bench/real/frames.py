@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from cockpit.footage.sources import Clip, sources
@@ -76,15 +77,21 @@ def estimates(pictures: Iterator[Picture], names: Sequence[str]) -> Iterator[See
         yield picture, {name: runner.step(frame, state, now_s=frame.t_s) for name, runner in runners.items()}
 
 
-def stills(folder: Path, pattern: str, labels: Path, suffix: str, *, every: int = 1) -> Iterator[Picture]:
-    """Images of a folder with their labels, with unknown cameras."""
+def stills(
+    folder: Path, pattern: str, labels: Path, suffix: str, *, every: int = 1, width_px: int | None = None
+) -> Iterator[Picture]:
+    """Images of a folder with their labels, with unknown cameras; stretched to ``width_px``."""
     for path in sorted(folder.glob(pattern))[::every]:
-        yield still(path, label=labels / f"{path.stem}{suffix}")
+        yield still(path, label=labels / f"{path.stem}{suffix}", width_px=width_px)
 
 
-def still(path: Path, *, label: Path | None = None, camera: Camera | None = None) -> Picture:
+def still(
+    path: Path, *, label: Path | None = None, camera: Camera | None = None, width_px: int | None = None
+) -> Picture:
     """An image; without ``camera`` a typical one with the horizon of the image, as in `trepid estimate`."""
     image = read_image(path)
+    if width_px is not None:
+        image = np.asarray(cv2.resize(image, (width_px, image.shape[0])), np.uint8)
     known = camera or calibrate_by_images([image], lane_cv_settings().self_calibration)
     camera, assumed = known.resize(image.shape[1], image.shape[0]), camera is None
     return Picture(str(path), 0.0, image, camera, label=label, file=path.name, assumed=assumed)

@@ -119,11 +119,12 @@ def border_error_px(found: SteeringEstimate, surface: Mask) -> float | None:
 
 
 def label_of(picture: Picture) -> NDArray[np.uint8]:
-    """The label as an image, shape (height, width, 3). Raises InputError."""
+    """The label as an image of the size of the picture, shape (height, width, 3). Raises InputError."""
     label = cv2.imread(str(picture.label), cv2.IMREAD_COLOR)
     if label is None:
         raise InputError(f"{picture.label}: no label image")
-    return np.asarray(label, np.uint8)
+    size = picture.image.shape[1::-1]
+    return np.asarray(cv2.resize(label, size, interpolation=cv2.INTER_NEAREST), np.uint8)
 
 
 def columns(path: PixelPath, rows: Array) -> Array:

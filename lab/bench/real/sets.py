@@ -21,6 +21,10 @@ from trepid.config import CONFIG_DIR, ROOT, load
 
 HIGHWAY_MPS = 25.0
 CAMVID_HZ = 30.0  # by which CamVid numbers its frames
+CAMVID_DRIVES = "0006R0", "0016E5", "0001TP"
+CAMVID_WIDTH_PX = (
+    640  # of its pictures as they were taken, 4:3 of those in the set: roads there are too narrow
+)
 
 
 @dataclass(frozen=True)
@@ -37,11 +41,11 @@ def data_folder(given: Path | None) -> Path:
     return given or Path(os.environ.get("TREPID_DATA") or ROOT.parent / "shared" / "data")
 
 
-def _camvid(name: str) -> Sequence:
+def _camvid(name: str, width_px: int | None = None) -> Sequence:
     def pictures(folder: Path, every: int) -> Iterator[Picture]:
         for split in ("train", "val"):
             labels = folder / f"{split}_road"
-            yield from stills(folder / split, f"{name}_*.jpg", labels, ".png", every=every)
+            yield from stills(folder / split, f"{name}_*.jpg", labels, ".png", every=every, width_px=width_px)
 
     return Sequence(pictures, Labels.ROAD)
 
@@ -84,7 +88,8 @@ def _drive(pictures: Callable[..., Iterator[Picture]]) -> Sequence:
 
 SETS: dict[str, dict[str, Sequence]] = {
     "camvid_road": {
-        **{name: _camvid(name) for name in ("0006R0", "0016E5", "0001TP")},
+        **{name: _camvid(name) for name in CAMVID_DRIVES},
+        **{f"{name} at 640x360": _camvid(name, CAMVID_WIDTH_PX) for name in CAMVID_DRIVES},
         "0016E5 at 15 Hz": Sequence(camvid_clip, Labels.ROAD),
     },
     "tusimple_lanenet": {"highway": Sequence(_tusimple, Labels.LINES, HIGHWAY_MPS)},

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from lab.bench.real.frames import Picture
-from lab.bench.real.labels import Labels, border_error_px, ego_lane, line_counts, road
+from lab.bench.real.frames import Picture, stills
+from lab.bench.real.labels import ROAD_CLASS, Labels, border_error_px, ego_lane, line_counts, road
 from lab.bench.real.look import _answer
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -16,6 +16,21 @@ from trepid.messages import PixelPath, SteeringEstimate
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 NOTHING = SteeringEstimate.nothing(0.0, estimator="x", lookahead_m=8.0, reason="")
+
+
+def test_a_stretched_picture_is_compared_with_its_label_stretched_alike(tmp_path):
+    label = np.zeros((36, 48, 3), np.uint8)
+    label[18:, 24:] = ROAD_CLASS
+    cv2.imwrite(str(tmp_path / "a.png"), label)
+    cv2.imwrite(str(tmp_path / "a.jpg"), label)
+    plain, wide = (
+        next(stills(tmp_path, "*.jpg", tmp_path, ".png", width_px=width_px)) for width_px in (None, 64)
+    )
+    assert wide.image.shape == (36, 64, 3) and plain.image.shape == label.shape
+    assert (wide.camera.width_px, wide.camera.height_px) == (64, 36) and wide.file == plain.file
+    surface, known = road(wide)
+    assert surface.shape == known.shape == (36, 64)
+    assert surface[18:, 32:].all() and surface.sum() == 18 * 32
 
 
 def upright(column: float, height: int) -> PixelPath:
