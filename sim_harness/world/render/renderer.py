@@ -23,7 +23,7 @@ from sim_harness.world.render.ground.strip_grid import LEVELS_M
 from sim_harness.world.render.optics.exposure import Exposure
 from sim_harness.world.render.optics.lens import Distortion
 from sim_harness.world.render.optics.sway import Sway
-from sim_harness.world.render.relief_ground import HAZE_REACH_M, draw_relief, fade, relief_distance
+from sim_harness.world.render.relief_ground import HAZE_REACH_M, average_rows, draw_relief, relief_distance
 from sim_harness.world.render.scene.backdrop import Backdrop
 from sim_harness.world.render.scene.cover import behind, camera_at
 from sim_harness.world.render.scene.lean import BankedRelief
@@ -109,7 +109,7 @@ class Renderer:
         self._disturber = None
         if any(disturbance.grade > 0 for disturbance in disturbances):
             self._disturber = Disturber(road, self._eye, camera, self._backdrop, disturbances, seed=seed)
-        self._far_haze = np.empty((*self._far_share.shape, 4), np.uint8)
+        self._far_haze = np.empty((self._eye.height_px, self._eye.width_px, 4), np.uint8)
         self._far_haze[:] = (*np.rint(self._backdrop.horizon_bgr), 255)
 
     def render(
@@ -139,9 +139,14 @@ class Renderer:
         if station_m is None and (light is None or self._disturber or not self._world.flat):
             station_m = self._world.local_coordinates(x_m, y_m)[0]
         pose = (x_m, y_m, yaw_rad)
-        image, relief, surface_m = self._ground_and_sky(pose, station_m)
-        self._paint_ahead(x_m, y_m, yaw_rad)
         others: list[tuple[Pose, Upright]] = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
+        near = [one for one in self._things if math.dist(one[0][:2], pose[:2]) < THINGS_WITHIN_M]
+        hides = bool(others or near or self._walls or self._disturber)
+        image, relief, surface_m = self._ground_and_sky(pose, station_m, hides=hides)
+        for place, thing in _far_first(near, pose):
+            with behind(image, surface_m, _distance((place, thing))):
+                draw_thing(image, camera_at(self._eye, relief, *place[:2]), thing, place)
+        self._paint_ahead(x_m, y_m, yaw_rad)
         shot = Shot(
             road=self._world,
             pose=pose,
@@ -163,18 +168,19 @@ class Renderer:
         return self._expose(np.asarray(self._bend(image, shot), np.uint8), shot, light)
 
     def _ground_and_sky(
-        self, pose: Pose, station_m: float | None
+        self, pose: Pose, station_m: float | None, *, hides: bool
     ) -> tuple[Image, Relief | None, Floats | None]:
-        """Ground, sky, walls and things; the relief of the ground, and the distance of ground and walls."""
+        """Ground, sky and walls; the relief; where ground ``hides`` things, distance of ground and walls."""
         padded = np.empty((self._eye.height_px, self._eye.width_px, 4), np.uint8)
         relief, surface_m = None, None
         if self._view is not None and not self._world.flat and station_m is not None:
             shape = Relief if self._world.bank is None else BankedRelief
             relief = shape(self._world, self._eye, station_m, pose)
-            self._backdrop.draw_from(padded, pose[2], relief.horizon_row)
-            draw_relief(padded, self._ground, self._view, relief)
-            surface_m = relief_distance(self._view, relief)
-            fade(padded, surface_m, self._backdrop.horizon_bgr, from_m=self._hazy_from_m)
+            sky_rows = max(math.ceil(float(relief.tops.max())) + 1, 0)
+            self._backdrop.draw_from(padded[:sky_rows], pose[2], relief.horizon_row)
+            haze, from_m = self._far_haze, self._hazy_from_m
+            draw_relief(padded, self._ground, self._view, relief, haze, hazy_from_m=from_m)
+            surface_m = relief_distance(self._view, relief) if hides else None
         else:
             self._backdrop.draw(padded, pose[2])
             self._draw_ground(padded, *pose)
@@ -182,10 +188,6 @@ class Renderer:
         if self._view is not None and self._walls is not None:
             surface_m = self._view.distance_m.copy() if surface_m is None else surface_m
             self._walls.draw(image, surface_m, self._view, pose, relief)
-        near = [one for one in self._things if math.dist(one[0][:2], pose[:2]) < THINGS_WITHIN_M]
-        for place, thing in _far_first(near, pose):
-            with behind(image, surface_m, _distance((place, thing))):
-                draw_thing(image, camera_at(self._eye, relief, *place[:2]), thing, place)
         return image, relief, surface_m
 
     def _draw(self, vehicles: Sequence[tuple[Pose, Upright]], image: Image, shot: Shot) -> None:
@@ -234,10 +236,10 @@ class Renderer:
             size = (image.shape[1], (band.bottom - band.top) * band.rows_per_row)
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             drawn = cv2.warpPerspective(crop, matrix, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-            image[band.top : band.bottom] = _average_rows(np.asarray(drawn, np.uint8), band.rows_per_row)
+            image[band.top : band.bottom] = average_rows(np.asarray(drawn, np.uint8), band.rows_per_row)
         far = image[self._far_rows]
         if len(far):
-            far[:] = cv2.blendLinear(far, self._far_haze, 1 - self._far_share, self._far_share)
+            far[:] = cv2.blendLinear(far, self._far_haze[: len(far)], 1 - self._far_share, self._far_share)
 
     def _paint_ahead(self, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Paint at most one tile of the ground ahead, so that no frame has to paint many."""
@@ -309,13 +311,6 @@ def _depth(camera: Camera, row: Array) -> Array:
     """Distance of the ground in each row [m]."""
     pixels = np.column_stack([np.full(len(row), camera.cx_px), row])
     return np.hypot(*(camera.road_from_pixel(pixels) - (camera.x_m, camera.y_m)).T)
-
-
-def _average_rows(image: Image, count: int) -> Image:
-    if count == 1:
-        return image
-    total = image.reshape(len(image) // count, count, *image.shape[1:]).sum(axis=1, dtype=np.uint16)
-    return np.asarray((total + count // 2) // count, np.uint8)
 
 
 def _far(camera: Camera, first_row: int) -> tuple[slice, Floats]:

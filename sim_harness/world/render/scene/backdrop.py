@@ -43,10 +43,12 @@ class Backdrop:
             image[: self.rows] = self._ahead(self._columns, self._rows, yaw_rad)
 
     def draw_from(self, image: Image, yaw_rad: float, horizon_row: float | Array) -> None:
-        """Fill ``image`` (BGRA) with the panorama, for a camera whose horizon lies in ``horizon_row``."""
-        columns, v = self._everywhere
-        rows = (v - horizon_row + HEIGHT - BELOW).astype(np.float32)
-        image[:] = self._ahead(columns, rows, yaw_rad)
+        """Fill ``image`` (BGRA), the first rows of the camera's, for a horizon in ``horizon_row``."""
+        rows = np.arange(len(image), dtype=np.float32)[:, None]
+        rows = rows + np.asarray(HEIGHT - BELOW - horizon_row, np.float32)
+        rows = np.clip(rows, 0, HEIGHT - 1)  # OpenCV reads places outside of an image slowly
+        columns = self._everywhere[: len(image)]
+        image[:] = self._ahead(columns, np.broadcast_to(rows, columns.shape), yaw_rad)
 
     def mirror_image(self, yaw_rad: float) -> Image:
         """The backdrop mirrored below the horizon as in still water, BGR, black above."""
@@ -63,8 +65,8 @@ class Backdrop:
         return np.asarray(image, np.uint8)
 
     @cached_property
-    def _everywhere(self) -> tuple[Floats, NDArray[np.int_]]:
-        return _panorama_columns(self._camera, 0, self._camera.height_px)
+    def _everywhere(self) -> Floats:
+        return _panorama_columns(self._camera, 0, self._camera.height_px)[0]
 
     @cached_property
     def _mirror(self) -> tuple[Floats, Floats]:

@@ -9,22 +9,31 @@ with the grade g here and ℓ the distance along the lane at which its centre li
 view the ground is level. For grades below 0.1 lengths along the tangent are within 0.5 % of those in plan. Seen by
 a camera without roll, at height h and with the pitch p, the ground at X ahead of the lens fills one row:
 
-    v = c_y + f_y·((h - u)·cos p - X·sin p)/depth,    depth = X·cos p + (h - u)·sin p
+    v = c_y + f_y·((h - u)·cos p - X·sin p)/D,    D = X·cos p + (h - u)·sin p
 
-From near to far the ground is visible where v falls below all rows before: else something nearer hides it.
+with the optical depth D, which is X·cos θ/cos(p + θ) along the row at tan θ = (v - c_y)/f_y. From near to far the
+ground is visible where v falls below all rows before: else something nearer hides it. Between the places computed
+1/X is linear in the row, nearly as on a plane.
+
+What is known along every COLUMNS_PX-th column is linear between them.
 """
 
 import math
+from functools import cached_property
 
+import cv2
 import numpy as np
 
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
-from trepid.types import Array
+from trepid.types import Array, Floats
 
 NEAREST_M, FARTHEST_M = 0.3, 320.0  # ground ahead of the lens
-PROFILE_M = 1.0  # between the places at which the profile is read
-AHEAD_M = np.geomspace(NEAREST_M, FARTHEST_M, 640)
+ALONG_M = np.concatenate([np.arange(0.0, 60.0, 1.0), np.arange(60.0, FARTHEST_M + 6.0, 3.0)])
+"""Distances along the lane at which its profile is read."""
+AHEAD_M = np.geomspace(NEAREST_M, FARTHEST_M, 180)
+COLUMNS_PX = 32
+STEEPEST_RAY_RAD = 1.5  # below the horizon of the vehicle
 
 
 class Relief:
@@ -35,20 +44,17 @@ class Relief:
     ) -> None:
         """``pose``: x, y, yaw of the rear axle; ``camera``: without distortion."""
         x_m, y_m, yaw_rad = pose
-        self._camera = camera
+        self._camera, self.width_px = camera, camera.width_px
         self.heading_rad = yaw_rad + camera.yaw_rad  # of the camera
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         self.lens_m = (x_m + cos * camera.x_m - sin * camera.y_m, y_m + sin * camera.x_m + cos * camera.y_m)
         self.grade = road.grade_at(station_m)
-        along_m = np.arange(0.0, FARTHEST_M + 2 * PROFILE_M, PROFILE_M)
-        places_m = road.positions(station_m + along_m, np.zeros(len(along_m))) - self.lens_m
-        forward_m = places_m @ (math.cos(self.heading_rad), math.sin(self.heading_rad))
-        farther_m = np.maximum.accumulate(forward_m + 1e-6 * along_m)
-        heights_m = road.heights_at(station_m + along_m)
+        self._places_m = road.positions(station_m + ALONG_M, np.zeros(len(ALONG_M))) - self.lens_m
+        forward_m = self._places_m @ (math.cos(self.heading_rad), math.sin(self.heading_rad))
+        farther_m = np.maximum.accumulate(forward_m + 1e-6 * ALONG_M)
+        heights_m = road.heights_at(station_m + ALONG_M)
         level_m = heights_m - heights_m[0] - self.grade * (farther_m - forward_m[0])
         self._profile = farther_m, level_m
-        self._rows, self._seen_m, self._depth_m = self._visible(self.lift_m(AHEAD_M))
-        self.top_row = float(self._rows[0])  # of the farthest visible ground
 
     def lift_m(self, ahead_m: Array | float) -> Array:
         """Height of the ground above the plane of the vehicle, this far ahead of the lens; 0 behind it."""
@@ -62,20 +68,26 @@ class Relief:
         cos, sin = math.cos(camera.yaw_rad), math.sin(camera.yaw_rad)
         return float(self.lift_m((x_m - camera.x_m) * cos + (y_m - camera.y_m) * sin))
 
-    def strips(self, width_px: int) -> list[slice]:
-        """Columns of an image that are drawn together."""
-        return [slice(0, width_px)]
+    @cached_property
+    def columns(self) -> Array:
+        """The columns of the image along which the ground is computed: middles of blocks, one beyond each side."""
+        blocks = np.arange(-1, math.ceil(self._camera.width_px / COLUMNS_PX) + 1)
+        return np.asarray((blocks + 0.5) * COLUMNS_PX - 0.5)
 
-    def ground(self, rows: Array, _columns: slice) -> tuple[Array, Array]:
-        """Distance ahead and optical depth of the ground, (rows, 1) or (rows, columns); NaN above the ground."""
-        ahead_m, depth_m = self.at_rows(rows)
-        return ahead_m[:, None], depth_m[:, None]
+    @cached_property
+    def aside(self) -> Array:
+        """Distance of these columns left of the camera's axis per optical depth."""
+        return (self._camera.cx_px - self.columns) / self._camera.fx_px
 
-    def at_rows(self, rows: Array) -> tuple[Array, Array]:
-        """Distance ahead of the lens, and optical depth, of the ground in rows; NaN above the ground."""
-        ahead_m, depth_m = (np.interp(rows, self._rows, of) for of in (self._seen_m, self._depth_m))
-        above = rows < self.top_row
-        return np.where(above, np.nan, ahead_m), np.where(above, np.nan, depth_m)
+    @cached_property
+    def tops(self) -> Array:
+        """Row of the farthest visible ground in each of these columns."""
+        return np.array([rows[0] for rows, _ in self._sight_lines]) + np.zeros(len(self.columns))
+
+    def nearness_1pm(self, rows: Array) -> Array:
+        """1/X of the ground in rows, (rows, computed columns); above the ground that of its rim."""
+        known = np.array([np.interp(rows, *seen) for seen in self._sight_lines])
+        return np.broadcast_to(known.T, (len(rows), len(self.columns)))
 
     @property
     def horizon_row(self) -> float | Array:
@@ -88,16 +100,32 @@ class Relief:
         height_m = self._camera.height_m - self.lift_at(x_m, y_m)
         return self._camera.model_copy(update={"height_m": height_m})
 
-    def _visible(self, up_m: Array) -> tuple[Array, Array, Array]:
-        """Row, distance ahead and optical depth of what is visible of ground ``up_m`` high, from far to near."""
-        depth_m, row = self._ground_rows(AHEAD_M, up_m)
-        visible = row < np.concatenate([[np.inf], np.minimum.accumulate(row)[:-1]])
-        return row[visible][::-1], AHEAD_M[visible][::-1], depth_m[visible][::-1]
+    def _lifts_m(self) -> Array:
+        """The ground at AHEAD_M along each computed column, (computed, AHEAD_M)."""
+        return self.lift_m(AHEAD_M)[None]
 
-    def _ground_rows(self, ahead_m: Array, up_m: Array) -> tuple[Array, Array]:
-        """Optical depth and row of the ground."""
+    @cached_property
+    def _sight_lines(self) -> list[tuple[Array, Array]]:
+        """Rows and 1/X of what is visible along each computed column, from far to near."""
         camera = self._camera
         cos, sin = math.cos(camera.pitch_down_rad), math.sin(camera.pitch_down_rad)
-        down_m = camera.height_m - up_m
-        depth_m = ahead_m * cos + down_m * sin
-        return depth_m, camera.cy_px + camera.fy_px * (down_m * cos - ahead_m * sin) / depth_m
+        down_m = camera.height_m - self._lifts_m()
+        row = camera.cy_px + camera.fy_px * (down_m * cos - AHEAD_M * sin) / (AHEAD_M * cos + down_m * sin)
+        before = np.minimum.accumulate(row, axis=1)
+        visible = np.ones(row.shape, bool)
+        visible[:, 1:] = row[:, 1:] < before[:, :-1]
+        return [(r[v][::-1], 1 / AHEAD_M[v][::-1]) for r, v in zip(row, visible, strict=True)]
+
+
+def between_columns(known: Array, width_px: int) -> Floats:
+    """Values of every column of an image, (rows, columns), linear between ``known`` ones of ``Relief.columns``."""
+    size = (known.shape[1] * COLUMNS_PX, len(known))
+    wide = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    return np.asarray(wide[:, COLUMNS_PX : COLUMNS_PX + width_px], np.float32)
+
+
+def depth_per_ahead(camera: Camera, rows: Array) -> Array:
+    """Optical depth of the ground in rows per distance ahead of the lens, D/X = cos θ/cos(p + θ), (rows,)."""
+    angle = np.arctan((rows - camera.cy_px) / camera.fy_px)
+    below = np.clip(camera.pitch_down_rad + angle, -STEEPEST_RAY_RAD, STEEPEST_RAY_RAD)
+    return np.asarray(np.cos(angle) / np.cos(below))

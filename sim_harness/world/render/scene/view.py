@@ -56,6 +56,12 @@ class View:
         return np.asarray(self.camera.height_m / down, np.float32)
 
     @cached_property
+    def along(self) -> Floats:
+        """Distance ahead of the camera, in plan, per distance along each ray."""
+        cos, sin = np.float32(math.cos(self.camera.yaw_rad)), np.float32(math.sin(self.camera.yaw_rad))
+        return np.asarray(np.maximum(self.rays[0] * cos + self.rays[1] * sin, np.float32(1e-3)))
+
+    @cached_property
     def fresnel(self) -> Floats:
         """Reflectance of still water on the ground: Schlick (1994), n = 1.33; 0 above the horizon."""
         upright = np.clip(-self.rays[2], 0, 1)
