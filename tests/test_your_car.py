@@ -18,11 +18,8 @@ from trepid.topics import COMMAND, VEHICLE_STATE
 
 COMMANDS = [command for block in console_blocks("your-car.md")[:2] for command in block]
 SETS_UP = 4  # clone, make, activate, pip
-FRAMES, RATE_HZ, SPEED_MPS = (
-    500,
-    25.0,
-    6.0,
-)  # as long as the drive: a film at its end counts as a frozen camera
+DURATION_S = 12  # of the film and of the drive, 20 s in the page: a film at its end counts as a frozen camera
+RATE_HZ, SPEED_MPS = 25.0, 6.0
 DRIVE = "trepid drive"
 MAY_FAIL = (
     "trepid doctor",  # on a loaded machine, and because the ECU is silent outside a drive
@@ -44,7 +41,7 @@ def film_of_a_straight_road(path: Path) -> None:
     film = cv2.VideoWriter(
         str(path), cv2.VideoWriter.fourcc(*"mp4v"), RATE_HZ, (camera.width_px, camera.height_px)
     )
-    for frame in range(FRAMES):
+    for frame in range(round(DURATION_S * RATE_HZ)):
         station_m = 20.0 + SPEED_MPS * frame / RATE_HZ
         pose = (*road.position(station_m, 0.0), road.heading_at(station_m))
         film.write(renderer.render(*pose, t_s=frame / RATE_HZ, station_m=station_m))
@@ -77,8 +74,9 @@ def recorded_a_drive(folder: Path) -> None:
 
 @pytest.mark.processes
 def test_an_own_video_drives_a_can_counterpart(work: Path, multicast: None) -> None:
+    assert "--duration 20" in COMMANDS[-1]
     for command in COMMANDS[SETS_UP:]:
-        done = run(command, work)
+        done = run(command.replace("--duration 20", f"--duration {DURATION_S}"), work)
         good = (0, 1) if command.startswith(MAY_FAIL) else (0,)
         assert done.returncode in good, f"{command}: {done.stdout}{done.stderr}"
     assert done.returncode == 0 or "departures" in done.stdout, f"{done.stdout}{done.stderr}"
