@@ -128,14 +128,14 @@ release:
 proof: $(TESTED)
 	@$(PIP) -e '.[proof]'
 	@echo "== coverage of the limiter by its own tests"
-	@$(BIN)/python -m pytest $(LIMITER_TESTS) --cov=controller.limiter --cov-branch --cov-fail-under=100
+	@EXAMPLES=100 $(BIN)/python -m pytest $(LIMITER_TESTS) --cov=controller.limiter --cov-branch --cov-fail-under=100
 	@echo "== pytest -m proof"
 	@$(BIN)/python -m pytest -m proof $(ARGS)
 
 # Continues after an interruption; the tests must kill every mutant.
 mutation: $(TESTED)
 	@$(PIP) -e '.[proof]'
-	@$(BIN)/mutmut run --max-children 2
+	@EXAMPLES=100 $(BIN)/mutmut run --max-children 2
 	@mkdir -p out; $(BIN)/mutmut results | tee out/mutation.txt; test ! -s out/mutation.txt
 
 lint: $(TESTED)

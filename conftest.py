@@ -20,7 +20,8 @@ os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(
 import pytest  # noqa: E402  after the limits, which libraries read when they are imported
 from hypothesis import settings  # noqa: E402
 
-settings.register_profile("untimed", deadline=None)  # timing decides no test, on however loaded a machine
+# Timing decides no test, on however loaded a machine. The examples are others in every run.
+settings.register_profile("untimed", deadline=None, max_examples=int(os.environ.get("EXAMPLES", "40")))
 settings.load_profile("untimed")
 
 
