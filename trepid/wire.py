@@ -26,7 +26,8 @@ from enum import StrEnum
 from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
 import numpy as np
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
 
 from trepid.clock import NANO, nanoseconds, seconds
 from trepid.messages import (
@@ -268,13 +269,14 @@ def ros_name(message_type: type) -> str:
 
 def msg_text(message_type: type) -> str:
     """The ``.msg`` definition of a derived message type, for a ROS 2 build."""
-    lines = ["# Derived from trepid.messages. SI units, ISO 8855 signs (left positive); NaN = absent."]
-    for field in fields(message_type):
-        if field.name == "t_s":
-            lines.append("std_msgs/Header header")
-        else:
-            lines.append(f"{_codec(field.type).ros_type} {field.name}")
-    return "\n".join(lines) + "\n"
+    head = "# Derived from trepid.messages. SI units, ISO 8855 signs (left positive); NaN = absent.\n"
+    return head + "".join(f"{kind} {name}\n" for name, kind in _ros_fields(message_type))
+
+
+def _ros_fields(message_type: type) -> list[tuple[str, str]]:
+    """Name and ROS 2 type of the fields of a derived message type."""
+    header = ("header", "std_msgs/Header")
+    return [header if f.name == "t_s" else (f.name, _codec(f.type).ros_type) for f in fields(message_type)]
 
 
 def definition(message_type: type) -> str:
@@ -284,14 +286,23 @@ def definition(message_type: type) -> str:
 
 
 def _typestore() -> Any:
+    """The types of ROS 2 and those of Trepid.
+
+    The latter are not parsed from their text, which would take a tenth of the start of every process.
+    """
+    types = {ros_name(one): _ros_fields(one) for one in DERIVED}
+    types["ackermann_msgs/msg/AckermannDrive"] = [(name, "float32") for name in COMMAND_FIELDS]
+    types[ros_name(Command)] = [("header", "std_msgs/Header"), ("drive", "ackermann_msgs/AckermannDrive")]
     store = get_typestore(Stores.ROS2_JAZZY)
-    drive = "".join(f"float32 {name}\n" for name in COMMAND_FIELDS)
-    store.register(get_types_from_msg(drive, "ackermann_msgs/msg/AckermannDrive"))
-    stamped = "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n"
-    store.register(get_types_from_msg(stamped, ros_name(Command)))
-    for message_type in DERIVED:
-        store.register(get_types_from_msg(msg_text(message_type), ros_name(message_type)))
+    store.register({name: ([], [(one, _node(kind)) for one, kind in pairs]) for name, pairs in types.items()})
     return store
+
+
+def _node(ros_type: str) -> Any:
+    """A type as the parser of rosbags gives it."""
+    name, bracket, _ = ros_type.replace("/", "/msg/").partition("[")
+    one = (Nodetype.NAME, name) if "/" in name else (Nodetype.BASE, (name, 0))
+    return (Nodetype.SEQUENCE, (one, 0)) if bracket else one
 
 
 STORE = _typestore()

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rosbags.typesys import get_types_from_msg
 
 from trepid import messages as m
 from trepid.clock import nanoseconds, seconds
-from trepid.wire import DERIVED, STORE, WireError, from_cdr, msg_text, ros_name, to_cdr
+from trepid.wire import COMMAND_FIELDS, DERIVED, STORE, WireError, from_cdr, msg_text, ros_name, to_cdr
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 stamps = st.integers(1, 2**30 * 10**9).map(seconds)
@@ -51,6 +52,18 @@ def test_every_derived_message_survives_the_wire_exactly(message_type: type) -> 
         assert from_cdr(to_cdr(message), message_type) == message
 
     round_trip()
+
+
+DRIVE = "ackermann_msgs/msg/AckermannDrive"
+DEFINITIONS = {ros_name(one): msg_text(one) for one in DERIVED} | {
+    DRIVE: "".join(f"float32 {name}\n" for name in COMMAND_FIELDS),
+    ros_name(m.Command): "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
+}
+
+
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_the_fields_of_a_type_are_those_of_its_definition(name: str) -> None:
+    assert STORE.fielddefs[name] == get_types_from_msg(DEFINITIONS[name], name)[name]
 
 
 def test_a_frame_survives_the_wire_bit_for_bit() -> None:
