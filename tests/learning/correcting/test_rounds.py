@@ -143,7 +143,7 @@ def test_a_network_that_is_there_is_not_overwritten(
     assert not workshop.steps and (tmp_path / "ahead.onnx").read_bytes() == b"mine"
 
 
-@pytest.mark.parametrize("kill_at", range(len(STEPS)))
+@pytest.mark.parametrize("kill_at", [0, 1, 4, 5])  # the round between is like the last one
 def test_a_correction_that_is_killed_at_any_step_continues_there_and_ends_the_same(
     make_correction: Make, recorded_drive: Path, kill_at: int
 ) -> None:

@@ -55,14 +55,21 @@ def fit(tmp_path, recipe=TINY, resume=False, report=None, unlabelled=None):
     return network, progress, lines
 
 
+@pytest.fixture(scope="module")
+def whole_fit(tmp_path_factory):
+    """Folder, network, progress and reports of a training in one go."""
+    folder = tmp_path_factory.mktemp("whole")
+    return folder, *fit(folder)
+
+
 def test_the_command_row_is_pure_pursuit():
     lane = np.array([0.3, -0.02, 0.03, 0.01])
     expected = Lane(0.3, -0.02, 0.03, (0.01 - 0.03) / 10).pursuit_curvature(7.0)
     assert float(command_row(10.0, 7.0).double().numpy() @ lane) == pytest.approx(expected, abs=1e-8)
 
 
-def test_training_is_the_same_twice_and_the_loss_falls(tmp_path):
-    one, progress, lines = fit(tmp_path)
+def test_training_is_the_same_twice_and_the_loss_falls(whole_fit, tmp_path):
+    _, one, progress, lines = whole_fit
     two, *_ = fit(tmp_path)
     assert progress.epoch == 2 and len(lines) == 2 and "epoch 2/2" in lines[1]
     assert all(torch.equal(a, b) for a, b in zip(one.parameters(), two.parameters(), strict=True))
@@ -70,8 +77,8 @@ def test_training_is_the_same_twice_and_the_loss_falls(tmp_path):
     assert losses[1] < losses[0]
 
 
-def test_a_resumed_training_equals_one_in_one_go(tmp_path, monkeypatch):
-    whole, *_ = fit(tmp_path)
+def test_a_resumed_training_equals_one_in_one_go(whole_fit, tmp_path):
+    _, whole, *_ = whole_fit
 
     def interrupt(text: str) -> None:
         raise KeyboardInterrupt
@@ -83,10 +90,10 @@ def test_a_resumed_training_equals_one_in_one_go(tmp_path, monkeypatch):
     assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), resumed.parameters(), strict=True))
 
 
-def test_resuming_another_recipe_is_refused(tmp_path):
-    fit(tmp_path)
+def test_resuming_another_recipe_is_refused(whole_fit):
+    folder, *_ = whole_fit
     with pytest.raises(InputError, match="another recipe"):
-        fit(tmp_path, recipe=TINY.model_copy(update=dict(seed=9)), resume=True)
+        fit(folder, recipe=TINY.model_copy(update=dict(seed=9)), resume=True)
 
 
 def test_frames_without_labels_change_the_training_and_only_the_same_ones_continue_it(tmp_path):
@@ -115,8 +122,8 @@ def test_frames_without_labels_change_the_training_and_only_the_same_ones_contin
     assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), resumed.parameters(), strict=True))
 
 
-def test_the_exported_network_agrees_with_torch_for_any_batch(tmp_path):
-    network, *_ = fit(tmp_path)
+def test_the_exported_network_agrees_with_torch_for_any_batch(whole_fit, tmp_path):
+    _, network, *_ = whole_fit
     export(network, tmp_path / "n.onnx")
     attach(tmp_path / "n.onnx", stripes(12, 3).images)
     exported = Network(tmp_path / "n.onnx")

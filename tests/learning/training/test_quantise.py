@@ -19,11 +19,7 @@ pytestmark = [
     pytest.mark.long,
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),  # of the ONNX export in torch
 ]
-QUICK = (
-    "stages=[{name: all, part: all, epochs: 3, learning_rate: 3.0e-3, schedule: cosine, patience: 3}]",
-    "height_px=24",
-    "width_px=32",
-)
+SMALL = ("height_px=24", "width_px=32")
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +39,10 @@ def small(data: Dataset, large: Path) -> Path:
     return out
 
 
-def train_network(data: Dataset, out: Path, model: str) -> Path:
-    words = [word for text in QUICK for word in ("--set", text)]
+def train_network(data: Dataset, out: Path, model: str, *, epochs: int = 3) -> Path:
+    fields = f"epochs: {epochs}, learning_rate: 3.0e-3, schedule: cosine, patience: 3"
+    stages = f"stages=[{{name: all, part: all, {fields}}}]"
+    words = [word for text in (stages, *SMALL) for word in ("--set", text)]
     assert run("train", "--data", str(data.folder), "--model", model, "--out", str(out), *words) == 0
     return out
 
@@ -91,7 +89,7 @@ def test_a_network_with_8_bits_of_another_data_set_or_with_a_memory_is_refused(
     other = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", 300))
     assert run_quantise(large, other, out) == 2
     assert "was trained on a data set with sha256" in capfd.readouterr().err
-    recurrent = train_network(data, tmp_path / "recurrent.onnx", "cnn-lstm")
+    recurrent = train_network(data, tmp_path / "recurrent.onnx", "cnn-lstm", epochs=1)
     capfd.readouterr()
     assert run_quantise(recurrent, data, out) == 2
     assert "has a memory" in capfd.readouterr().err

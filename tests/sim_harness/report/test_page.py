@@ -28,7 +28,8 @@ def decode(code):
 
 @pytest.fixture(scope="module")
 def scenario():
-    return load_scenario("straight", {"start.speed_mps": "6"}).shorten(3.0)
+    road = {"segments": "[{length_m: 100}]", "distance_m": "80"}  # less to paint than a kilometre
+    return load_scenario("straight", {"start.speed_mps": "6", **road}).shorten(3.0)
 
 
 @pytest.fixture(scope="module")

@@ -214,7 +214,7 @@ def test_invalid_input_is_refused_before_the_first_run(tmp_path: Path) -> None:
 
 def test_at_least_four_of_five_candidates_of_the_default_ranges_pass_the_checks(tmp_path: Path) -> None:
     rng, good = np.random.default_rng(0), 0
-    for _ in range(20):
+    for _ in range(10):
         spans = SETTINGS.parameters.items()
         values = {name: span.round_value(rng.uniform(span.low, span.high)) for name, span in spans}
         path = tmp_path / "candidate.yaml"
@@ -223,7 +223,7 @@ def test_at_least_four_of_five_candidates_of_the_default_ranges_pass_the_checks(
             good += not verify(FearRules.load(path)).problems
         except InputError:
             continue  # sets in disorder
-    assert good >= 16
+    assert good >= 8
 
 
 def test_reasons_of_invalid_candidates_are_counted_whatever_their_numbers() -> None:
