@@ -18,10 +18,10 @@ INPUT_TESTS := tests/test_encodings.py tests/trepid/files/test_decoding.py tests
 	tests/vehicle/actuators/can/test_multiplexed.py tests/cockpit/calibration/test_camera_info.py \
 	tests/cockpit/rulebook/test_fcl.py tests/trepid/processes/test_endpoint.py
 # By file name: importing all test files would take longer than these tests.
-PROCESS_TESTS := $(shell grep -rl mark.processes tests lab/tests --include=test_*.py)
-SMOKE_TESTS := $(shell grep -rl mark.smoke tests lab/tests --include=test_*.py)
-LONG_TESTS := $(shell grep -rl mark.long tests lab/tests --include=test_*.py)
-SUITE_TESTS := $(shell grep -rl mark.suite tests --include=test_*.py)
+PROCESS_TESTS = $(shell grep -rl mark.processes tests lab/tests --include=test_*.py)
+SMOKE_TESTS = $(shell grep -rl mark.smoke tests lab/tests --include=test_*.py)
+LONG_TESTS = $(shell grep -rl mark.long tests lab/tests --include=test_*.py)
+SUITE_TESTS = $(shell grep -rl mark.suite tests --include=test_*.py)
 
 # The wheel of casadi holds most libraries two or three times, which are symbolic links elsewhere.
 define LINK_COPIES
