@@ -45,7 +45,9 @@ def stopped_in_its_lane(world: OuterWorld) -> None:
     assert max(abs(truth.lateral_offset_m) for truth in world.seen) < 0.4
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name
+)
 def test_a_signal_stops_the_car_before_any_process_ends(world: OuterWorld, number: signal.Signals) -> None:
     drive = driving(world)
     children = drive.children()
