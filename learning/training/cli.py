@@ -2,8 +2,9 @@
 
 import json
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -12,8 +13,11 @@ from rich.table import Column, Table
 from learning.models.catalogue import MODELS, model
 from learning.rendered import need_torch, say
 from learning.training.recipe import load_recipe
-from trepid.config import InputError, parse_overrides
+from trepid.config import INTERRUPTED, InputError, parse_overrides, refuse
 from trepid.options import Car, typed_command
+
+if TYPE_CHECKING:
+    from learning.dataset.dataset import Dataset
 
 LIST = "list"
 
@@ -46,38 +50,84 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue from the checkpoint beside the weights.")
     ] = False,
+    sampler: Annotated[
+        str | None,
+        typer.Option(
+            "--search",
+            metavar="NAME",
+            help="Search numbers of the recipe first, as proposed by tpe, random, cma-es, bat, bat-harmony, pso, de"
+            " or ga; needs the extra 'tune'.",
+        ),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=LOW..HIGH",
+            help="With --search: this number of the recipe instead of those of config/driving_search.yaml; may be"
+            " repeated.",
+        ),
+    ] = None,
+    trials: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            help="With --search: trainings in all, those of earlier runs with the same storage included.",
+        ),
+    ] = 20,
+    workers: Annotated[int, typer.Option(min=1, help="With --search: processes on this machine.")] = 1,
+    storage: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL|F.journal", help="With --search: storage of the trials; default: beside the weights."
+        ),
+    ] = None,
     car: Car = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the metadata of the weights as JSON.")
     ] = False,
-) -> None:
+) -> int:
     """Train a network to steer from the frames of a data set; needs the extra 'train'."""
     if name == LIST:
         _list(as_json)
-        return
+        return 0
     model(name)
     if data is None or out is None:
         raise InputError("trepid train needs --data DIR, the data set, and --out F.onnx, the weights file")
     if out.suffix != ".onnx":
         raise InputError(f"--out {out}: the name of a weights file ends with .onnx")
     refuse_own_start(start, out)
-    recipe = load_recipe(name, config, overrides=parse_overrides(changes or []))
+    overrides = parse_overrides(changes or [])
+    recipe = load_recipe(name, config, overrides=overrides)
+    refuse("--vary and --storage belong to --search NAME", sampler is None and bool(vary or storage))
+    refuse("--start begins with a network of its own recipe: without --search", bool(sampler and start))
     need_torch("train")
     from learning.dataset.card import count_phrase
     from learning.dataset.dataset import Dataset
     from learning.training.run import run
 
     opened = Dataset.open(data)
+    searched: dict[str, Any] = {}
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
+        if sampler is not None:
+            searched = _search(opened, name, out, config, overrides, sampler, vary, trials, workers, storage)
+            recipe = load_recipe(name, config, overrides=overrides | searched["values"])
         found = run(
             opened, name, out, recipe, resume=resume, command=typed_command(), report=say, start=start
         )
+    except KeyboardInterrupt:
+        if sampler is None:
+            raise
+        say("interrupted: finished trainings are stored; the same command continues")
+        return INTERRUPTED
     except OSError as error:
         raise InputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
     if as_json:
-        print(json.dumps(found))
+        print(json.dumps(found | ({"search": searched} if searched else {})))
     else:
+        if searched:
+            words = " ".join(f"--set {key}={value}" for key, value in searched["values"].items())
+            typer.echo(f"best of {searched['trials']} recipes: {words}")
         mae, routes = found["scores"]["mae_deg"], count_phrase(len(found["trained_on"]), "route")
         typer.echo(
             f"{out}: {found['parameters']} weights, {mae:.3f}° mean error on the validation frames;"
@@ -87,6 +137,43 @@ def train(
         for one in found["findings"]:
             typer.echo(f"finding: {one['sentence']}")
         typer.echo(found["conclusion"])
+    return 0
+
+
+def _search(
+    data: "Dataset",
+    name: str,
+    out: Path,
+    config: Path | None,
+    overrides: dict[str, str],
+    sampler: str,
+    vary: list[str] | None,
+    trials: int,
+    workers: int,
+    storage: str | None,
+) -> dict[str, Any]:
+    """The best values of a search, and its figures. Raises InputError."""
+    if find_spec("optuna") is None:
+        raise InputError("trepid train --search needs Optuna: pip install 'trepid[tune]'")
+    from learning.training.search import RecipeTask, search_recipe, searched_parameters
+    from sim_harness.tuning.study import check_sampler
+
+    check_sampler(sampler, "--search")
+    recipe = load_recipe(name, config, overrides=overrides)
+    task = RecipeTask(
+        parameters=searched_parameters(vary or [], recipe),
+        storage=storage or str(out.with_name(f"{out.name}.journal")),
+        trials=trials,
+        seed=recipe.seed,
+        sampler=sampler,
+        data=data.folder.resolve(),
+        data_sha256=data.sha256,
+        model=name,
+        config=config.resolve() if config else None,
+        changes=overrides,
+        folder=out.parent.resolve(),
+    )
+    return search_recipe(task, workers, say)
 
 
 def refuse_own_start(start: Path | None, out: Path) -> None:

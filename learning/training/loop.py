@@ -10,8 +10,9 @@ import copy
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -28,23 +29,29 @@ from learning.training.recipe import Recipe, Stage
 from trepid.config import InputError
 from trepid.types import Floats
 
-RMSPROP_DECAY = 0.9  # Keras
 KERAS_EPSILON = 1e-7
+OPTIMISERS: Mapping[str, tuple[type[torch.optim.Optimizer], dict[str, Any]]] = MappingProxyType(
+    {
+        "sgd": (torch.optim.SGD, {}),
+        "nag": (torch.optim.SGD, {"nesterov": True}),
+        "adagrad": (torch.optim.Adagrad, {"eps": KERAS_EPSILON, "initial_accumulator_value": 0.1}),
+        "adadelta": (torch.optim.Adadelta, {"eps": KERAS_EPSILON, "rho": 0.95}),
+        "rmsprop": (torch.optim.RMSprop, {"eps": KERAS_EPSILON, "alpha": 0.9}),
+        "adam": (torch.optim.Adam, {"eps": KERAS_EPSILON}),
+        "nadam": (torch.optim.NAdam, {"eps": KERAS_EPSILON}),
+        "adamw": (torch.optim.AdamW, {}),
+    }
+)
+"""Name in a recipe -> its class and its options, which are those of Keras."""
+WITH_MOMENTUM = ("sgd", "nag")
 
 
 def optimiser(recipe: Recipe, stage: Stage, weights: Iterable[nn.Parameter]) -> torch.optim.Optimizer:
     """The optimiser of a stage; decay of weights is decoupled in adamw alone."""
-    rate, decay = stage.learning_rate, recipe.weight_decay
-    if recipe.optimiser == "adamw":
-        return torch.optim.AdamW(weights, lr=rate, weight_decay=decay)
-    if recipe.optimiser == "adam":
-        return torch.optim.Adam(weights, lr=rate, weight_decay=decay, eps=KERAS_EPSILON)
-    if recipe.optimiser == "rmsprop":
-        return torch.optim.RMSprop(
-            weights, lr=rate, alpha=RMSPROP_DECAY, weight_decay=decay, eps=KERAS_EPSILON
-        )
-    nesterov = recipe.optimiser == "nag"
-    return torch.optim.SGD(weights, lr=rate, momentum=recipe.momentum, weight_decay=decay, nesterov=nesterov)
+    kind, options = OPTIMISERS[recipe.optimiser]
+    if recipe.optimiser in WITH_MOMENTUM:
+        options = {**options, "momentum": recipe.momentum}
+    return kind(weights, lr=stage.learning_rate, weight_decay=recipe.weight_decay, **options)
 
 
 def averaged_model(network: nn.Module, decay: float) -> AveragedModel | None:

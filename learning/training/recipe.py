@@ -62,7 +62,7 @@ class Recipe(Settings):
     seed: Annotated[int, Field(ge=0, lt=2**63)]
     threads: Count
     batch: Count
-    optimiser: Literal["sgd", "nag", "rmsprop", "adam", "adamw"]
+    optimiser: Literal["sgd", "nag", "adagrad", "adadelta", "rmsprop", "adam", "nadam", "adamw"]
     momentum: Share
     weight_decay: NonNegative
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]

@@ -3,7 +3,6 @@
 import difflib
 import json
 import re
-import time
 from collections.abc import Iterable
 from dataclasses import asdict
 from functools import partial
@@ -18,15 +17,15 @@ from rich.table import Table
 from sim_harness.scenarios.sampling import Method, fresh_seed
 from sim_harness.sweep.plan import Plan, by_sampling, plan, select
 from sim_harness.tuning.numbers import NumberedText
+from sim_harness.tuning.progress import TrialProgress, is_invalid
 from sim_harness.tuning.settings import Costs, Span, TuneSettings, parse_vary
-from trepid.config import CONFIG_DIR, INTERRUPTED, InputError, load, parse_overrides, refuse
+from trepid.config import CONFIG_DIR, INTERRUPTED, InputError, load, parse_overrides
 from trepid.loudness import note
 from trepid.options import Car, Changes
-from trepid.spelling import did_you_mean
 
 if TYPE_CHECKING:
+    from sim_harness.tuning.rule_study import RuleTask
     from sim_harness.tuning.score import Score
-    from sim_harness.tuning.study import StudyTask
 
 SETTINGS = CONFIG_DIR / "tune.yaml"
 CANDIDATE = re.compile(r"^\S*candidate\.yaml:")  # the file of a candidate, which is gone
@@ -64,7 +63,9 @@ def tune(
     ] = None,
     sampler: Annotated[
         str,
-        typer.Option(metavar="NAME", help="What proposes: tpe, random, bat, bat-harmony, pso, de, ga."),
+        typer.Option(
+            metavar="NAME", help="What proposes: tpe, random, cma-es, bat, bat-harmony, pso, de, ga."
+        ),
     ] = "tpe",
     settings: Annotated[Path, typer.Option(help="Parameters to tune and costs.")] = SETTINGS,
     out: Annotated[
@@ -80,6 +81,8 @@ def tune(
     """
     if find_spec("optuna") is None:
         raise InputError("trepid fear tune needs Optuna: pip install 'trepid[tune]'")
+    from sim_harness.tuning.study import check_sampler
+
     check_sampler(sampler)
     given = load(settings, TuneSettings)
     target = out or file.with_name(f"{file.stem}_tuned.yaml")
@@ -102,13 +105,6 @@ def tune(
     except KeyboardInterrupt:
         say("interrupted: finished trials are stored; the same command continues")
         return INTERRUPTED
-
-
-def check_sampler(name: str) -> None:
-    """Raise InputError unless ``name`` is a sampler."""
-    from sim_harness.tuning.study import SAMPLERS
-
-    refuse(f"--sampler {name}: {did_you_mean(name, SAMPLERS)}", name not in SAMPLERS)
 
 
 def check_target(target: Path) -> None:
@@ -151,13 +147,13 @@ def _task(
     seed: int,
     workers: int,
     sampler: str,
-) -> "StudyTask":
+) -> "RuleTask":
     """The task of the search, after the drives without fear to which it compares."""
+    from sim_harness.tuning.rule_study import RuleTask
     from sim_harness.tuning.score import references
-    from sim_harness.tuning.study import StudyTask
 
     say(f"{len(seen)} reference drives without fear")
-    return StudyTask(
+    return RuleTask(
         rules=rules.resolve(),
         parameters=parameters,
         planned=seen,
@@ -170,13 +166,13 @@ def _task(
     )
 
 
-def _tune(task: "StudyTask", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
+def _tune(task: "RuleTask", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
     from sim_harness.tuning.score import Score, both
     from sim_harness.tuning.study import SCORE, START, complete, cost, search, values_of
 
     cases = f"{len(task.planned)} cases a trial"
     say(f"study {task.name} in {task.storage}, {len(task.parameters)} numbers, {cases}")
-    trials = search(task, workers, TrialProgress(task.trials).report)
+    trials = search(task, workers, TrialProgress(task.trials, say).report)
     found = complete(trials)
     start = next((trial for trial in found if START in trial.user_attrs), None)
     if start is None:
@@ -215,11 +211,6 @@ def _tune(task: "StudyTask", target: Path, judged: Plan, fresh: int, workers: in
     return 0 if after.cost < before.cost else 1
 
 
-def is_invalid(trial: Any) -> bool:
-    """True for a candidate that fails the check of rule files and was not driven."""
-    return bool(trial.state.name == "PRUNED")
-
-
 def invalid_because(trials: Iterable[Any]) -> list[dict[str, Any]]:
     """Count and first example of each reason of the invalid candidates, the most frequent first.
 
@@ -248,29 +239,6 @@ def _score_table(columns: dict[str, "Score"]) -> Table:
         values = [getattr(of, name) for of in columns.values()]
         table.add_row(name, *("-" if v is None else f"{v:.4g}" for v in values))
     return table
-
-
-class TrialProgress:
-    """Prints a line for each finished trial, with the time left."""
-
-    def __init__(self, wanted: int) -> None:
-        self._wanted = wanted
-        self._began_s = time.monotonic()
-        self._had: int | None = None  # trials of earlier sessions
-
-    def report(self, trials: list[Any]) -> None:
-        """Print the state of the search."""
-        complete = [trial for trial in trials if trial.state.name == "COMPLETE"]
-        values = [trial.value for trial in complete]
-        start = [trial.value for trial in complete if "start" in trial.user_attrs]
-        invalid = sum(map(is_invalid, trials))
-        self._had = len(values) if self._had is None else self._had
-        new, left = len(values) - self._had, self._wanted - len(values)
-        spent_s = time.monotonic() - self._began_s
-        eta = f", about {spent_s / new * left:.0f} s left" if new and left > 0 else ""
-        best = f", best cost {min(values):.4g}" if values else ""
-        best += f" (start {start[0]:.4g})" if start else ""
-        say(f"{len(values)} of {self._wanted} trials, {invalid} invalid{best}{eta}")
 
 
 def say(text: str) -> None:

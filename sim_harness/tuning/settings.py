@@ -1,4 +1,4 @@
-"""Parameters and costs of the tuning: ``config/tune.yaml``."""
+"""Parameters of a search, and costs: ``config/tune.yaml``, ``config/driving_search.yaml``."""
 
 import math
 from typing import Annotated
@@ -25,15 +25,25 @@ class Span(Settings):
 
     low: float
     high: float
+    log: bool = False  # searched by its logarithm; low is above 0
+    whole: bool = False
 
     @model_validator(mode="after")
     def _rises(self) -> "Span":
         if not self.low < self.high:
             raise ValueError(f"low {self.low:g} must be below high {self.high:g}")
+        if self.log and not self.low > 0:
+            raise ValueError(f"low {self.low:g} must be above 0 for a range by the logarithm")
         return self
 
     def round_value(self, value: float) -> float:
-        """``value`` rounded to a thousandth of the span."""
+        """``value`` rounded: whole, to DIGITS digits where it is searched by its logarithm, else to a thousandth
+        of the span.
+        """
+        if self.whole:
+            return float(round(min(max(value, self.low), self.high)))
+        if self.log:
+            return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
         step = 10.0 ** round(math.log10((self.high - self.low) / 10**DIGITS))
         return min(max(round(round(value / step) * step, 12), self.low), self.high)
 

@@ -1,24 +1,24 @@
-"""The search: worker processes that evaluate candidates on one shared storage.
+"""A search: worker processes that evaluate candidates on one shared storage.
 
 A sampler of Optuna, or of :mod:`sim_harness.tuning.populations`, proposes candidates; by default the
-tree-structured Parzen estimator. Each worker requests, checks, drives and reports its own candidates, so that
-several sessions, also on other machines, can share a study. A candidate that fails the check of a rule file is
-not driven. A killed worker loses one candidate.
+tree-structured Parzen estimator. Each worker requests, checks, evaluates and reports its own candidates, so that
+several sessions, also on other machines, can share a study. An invalid candidate is not evaluated. A killed worker
+loses one candidate. What a candidate is, and its cost, is said by a :class:`Task`: rules that are driven
+(:mod:`sim_harness.tuning.rule_study`), recipes that are trained (:mod:`learning.training.search`).
 
 Watanabe, Tree-structured Parzen estimator: understanding its algorithm components and their roles for better
 empirical performance (2023).
 """
 
-import hashlib
-import json
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 import optuna
@@ -27,9 +27,7 @@ from optuna.storages import BaseStorage, JournalStorage, RDBStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
 
-from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.pool import start
-from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.populations import (
     BatSampler,
     DifferentialSampler,
@@ -37,11 +35,9 @@ from sim_harness.tuning.populations import (
     HarmonyBatSampler,
     SwarmSampler,
 )
-from sim_harness.tuning.score import Fearless, RunCrashed, score
-from sim_harness.tuning.settings import Costs, Span
-from supervisor.rules.inference import FearRules
-from supervisor.rules.verify import verify
-from trepid.config import InputError, read_text
+from sim_harness.tuning.settings import Span
+from trepid.config import InputError, refuse
+from trepid.spelling import did_you_mean
 
 POLL_S = 0.2
 LOCKED_S = 60.0  # a worker waits this long for a database in use
@@ -61,18 +57,21 @@ SAMPLERS: Mapping[str, Callable[[int], BaseSampler]] = MappingProxyType(
         "ga": lambda seed: GeneticSampler(seed=seed),
     }
 )
-"""Name of `--sampler` -> the sampler for a seed."""
+"""Name of a sampler -> the sampler for a seed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StudyTask:
-    """The parameters of a worker; picklable."""
+class Found(NamedTuple):
+    """The cost of a candidate, and what its trial keeps beside it."""
 
-    rules: Path
-    parameters: dict[str, Span]
-    planned: Plan
-    references: list[Fearless]
-    costs: Costs
+    cost: float
+    details: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What the workers of a study search; picklable. A subclass states candidates and their cost."""
+
+    parameters: Mapping[str, Span]
     storage: str
     trials: int  # complete ones in the study, of all sessions
     seed: int
@@ -80,15 +79,36 @@ class StudyTask:
 
     @property
     def name(self) -> str:
-        """Name of the study: a hash of rules, parameters, cases and costs."""
-        spans = {name: [span.low, span.high] for name, span in self.parameters.items()}
-        about = [read_text(self.rules), spans, list(self.planned), self.costs.model_dump()]
-        digest = hashlib.sha256(json.dumps(about).encode()).hexdigest()
-        return f"{self.rules.stem}-{digest[:12]}"
+        """Name of the study: of all that decides about the cost of a candidate."""
+        raise NotImplementedError
+
+    @property
+    def place(self) -> Path | None:
+        """Where a worker has its folder of temporary files; None: where the system keeps them."""
+        return None
+
+    def start(self) -> dict[str, float]:
+        """The values that a new study begins with."""
+        raise NotImplementedError
+
+    def evaluate(self, values: dict[str, float], folder: Path) -> Found:
+        """The cost of a candidate. Raises Invalid for one that fails a check, Failed and InputError for one
+        whose evaluation failed.
+        """
+        raise NotImplementedError
+
+
+class Failed(Exception):
+    """The evaluation of a candidate failed."""
 
 
 class Invalid(Exception):
-    """A candidate that fails the checks of a rule file."""
+    """A candidate that fails a check."""
+
+
+def check_sampler(name: str, option: str = "--sampler") -> None:
+    """Raise InputError unless ``name``, the value of ``option``, is a sampler."""
+    refuse(f"{option} {name}: {did_you_mean(name, SAMPLERS)}", name not in SAMPLERS)
 
 
 def open_storage(url: str) -> BaseStorage:
@@ -103,20 +123,7 @@ def open_storage(url: str) -> BaseStorage:
         raise InputError(f"--storage {url}: cannot be used: {what}") from error
 
 
-def candidate(task: StudyTask, values: dict[str, float], folder: Path) -> Path:
-    """The rule file with other values, checked. Raises Invalid."""
-    path = folder / "candidate.yaml"
-    path.write_text(NumberedText(task.rules).change_numbers(values), encoding="utf-8")
-    try:
-        problems = verify(FearRules.load(path)).problems
-    except InputError as error:
-        raise Invalid(str(error)) from error
-    if problems:
-        raise Invalid(str(problems[0]))
-    return path
-
-
-def search(task: StudyTask, workers: int, tell: Tell) -> list[FrozenTrial]:
+def search(task: Task, workers: int, tell: Tell) -> list[FrozenTrial]:
     """Search until the study has its trials; returns them. An interrupt leaves finished trials in the storage."""
     study = _open_study(task)
     session = os.urandom(8).hex()
@@ -144,24 +151,23 @@ def search(task: StudyTask, workers: int, tell: Tell) -> list[FrozenTrial]:
 
 
 def complete(trials: list[FrozenTrial]) -> list[FrozenTrial]:
-    """The trials that were driven."""
+    """The trials that were evaluated."""
     return [trial for trial in trials if trial.state == TrialState.COMPLETE]
 
 
 def cost(trial: FrozenTrial) -> float:
     """Cost of a complete trial."""
-    return float(trial.user_attrs[SCORE]["cost"])
+    assert trial.value is not None
+    return float(trial.value)
 
 
-def _open_study(task: StudyTask) -> optuna.Study:
-    """The study in its storage; a new study begins with the values of the file."""
+def _open_study(task: Task) -> optuna.Study:
+    """The study in its storage; a new study begins with the values of the task."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.create_study(study_name=task.name, storage=open_storage(task.storage), load_if_exists=True)
     waits_or_done = (TrialState.WAITING, TrialState.RUNNING, TrialState.COMPLETE)
     if not any(START in trial.user_attrs for trial in study.get_trials(states=waits_or_done)):
-        text = NumberedText(task.rules)
-        start = {name: text.value(name) for name in task.parameters}
-        study.enqueue_trial(start, user_attrs={START: True})
+        study.enqueue_trial(task.start(), user_attrs={START: True})
     return study
 
 
@@ -172,7 +178,7 @@ def _give_up(study: optuna.Study, session: str) -> None:
             study.tell(trial.number, state=TrialState.FAIL)
 
 
-def _work(task: StudyTask, number: int, session: str) -> None:
+def _work(task: Task, number: int, session: str) -> None:
     """One worker: evaluate candidates until the study is complete."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.load_study(study_name=task.name, storage=open_storage(task.storage))
@@ -180,35 +186,34 @@ def _work(task: StudyTask, number: int, session: str) -> None:
     seed = int(np.random.SeedSequence((task.seed, number, begun)).generate_state(1)[0])
     study.sampler = SAMPLERS[task.sampler](seed)
     invalid = 0
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory(dir=task.place) as folder:
         while invalid < MOST_INVALID and _is_trial_wanted(study, task, session):
             trial = study.ask()
             trial.set_user_attr(SESSION, session)
             invalid = 0 if _evaluate(study, trial, task, Path(folder)) else invalid + 1
 
 
-def _is_trial_wanted(study: optuna.Study, task: StudyTask, session: str) -> bool:
+def _is_trial_wanted(study: optuna.Study, task: Task, session: str) -> bool:
     trials = study.get_trials(deepcopy=False)
     under_way = [t for t in trials if t.state == TrialState.RUNNING and t.user_attrs.get(SESSION) == session]
     return len(complete(trials)) + len(under_way) < task.trials
 
 
-def _evaluate(study: optuna.Study, trial: optuna.Trial, task: StudyTask, folder: Path) -> bool:
+def _evaluate(study: optuna.Study, trial: optuna.Trial, task: Task, folder: Path) -> bool:
     """Evaluate one candidate; False when it is invalid."""
     for name, span in task.parameters.items():
-        trial.suggest_float(name, span.low, span.high)
-    values = values_of(trial, task.parameters)
+        trial.suggest_float(name, span.low, span.high, log=span.log)
     try:
-        found = score(candidate(task, values, folder), task.planned, task.references, task.costs)
-    except (Invalid, RunCrashed, InputError) as error:
+        found = task.evaluate(values_of(trial, task.parameters), folder)
+    except (Invalid, Failed, InputError) as error:
         trial.set_user_attr(INVALID, str(error))
         study.tell(trial, state=TrialState.PRUNED if isinstance(error, Invalid) else TrialState.FAIL)
         return False
-    trial.set_user_attr(SCORE, asdict(found))
+    trial.set_user_attr(SCORE, found.details)
     study.tell(trial, found.cost)
     return True
 
 
-def values_of(trial: optuna.Trial | FrozenTrial, parameters: dict[str, Span]) -> dict[str, float]:
+def values_of(trial: optuna.Trial | FrozenTrial, parameters: Mapping[str, Span]) -> dict[str, float]:
     """The values that a trial tries, rounded to a readable number of digits."""
     return {name: span.round_value(trial.params[name]) for name, span in parameters.items()}

@@ -11,8 +11,7 @@ from hypothesis.extra.numpy import arrays
 from optuna.samplers import RandomSampler
 
 from sim_harness.tuning import populations
-from sim_harness.tuning.cli import check_sampler
-from sim_harness.tuning.study import SAMPLERS
+from sim_harness.tuning.study import SAMPLERS, check_sampler
 from trepid.config import InputError
 
 optuna.logging.set_verbosity(optuna.logging.ERROR)

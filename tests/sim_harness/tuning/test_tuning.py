@@ -245,9 +245,10 @@ def test_reasons_of_invalid_candidates_are_counted_whatever_their_numbers() -> N
 
 
 def test_an_invalid_candidate_is_refused_without_being_driven(tmp_path: Path) -> None:
-    from sim_harness.tuning.study import Invalid, StudyTask, candidate
+    from sim_harness.tuning.rule_study import RuleTask
+    from sim_harness.tuning.study import Invalid
 
-    task = StudyTask(
+    task = RuleTask(
         rules=FILE,
         parameters={CORNER: Span(low=0.0, high=1.0)},
         planned={},
@@ -259,8 +260,8 @@ def test_an_invalid_candidate_is_refused_without_being_driven(tmp_path: Path) ->
         sampler="tpe",
     )
     with pytest.raises(Invalid, match="separation"):
-        candidate(task, {CORNER: 0.9}, tmp_path)  # beyond its neighbours
-    assert not verify(FearRules.load(candidate(task, {CORNER: 0.4}, tmp_path))).problems
+        task.candidate({CORNER: 0.9}, tmp_path)  # beyond its neighbours
+    assert not verify(FearRules.load(task.candidate({CORNER: 0.4}, tmp_path))).problems
     dearer = SETTINGS.costs.model_copy(update={"departure": 1.0})
     wider = {CORNER: Span(low=0.1, high=1.0)}
     others = [replace(task, parameters=wider), replace(task, costs=dearer)]
