@@ -29,7 +29,7 @@ CLASSES: Mapping[str, str] = MappingProxyType(
         "disturbances": "sim_harness.world.roads.disturbance_table:DisturbanceTable",
         "drive": "trepid.processes.drive_settings:DriveSettings",
         "driver": "vehicle.driver.settings:DriverSettings",
-        "driving_search": "learning.training.search:SearchSettings",
+        "driving_search": "learning.training.search:RecipeRanges",
         "driving_train": "learning.training.recipe:Recipe",
         "fear": "supervisor.rules.rule_file:RuleFile",
         "lead": "perception.lead.finder:LeadSettings",

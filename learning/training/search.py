@@ -24,7 +24,7 @@ from trepid.config import CONFIG_DIR, InputError, Settings, load
 SETTINGS = "driving_search.yaml"
 
 
-class SearchSettings(Settings):
+class RecipeRanges(Settings):
     """The contents of ``config/driving_search.yaml``."""
 
     parameters: dict[str, Span]  # dotted name of a number of the recipe -> its range
@@ -113,7 +113,7 @@ def searched_parameters(vary: list[str], recipe: Recipe) -> dict[str, Span]:
     """The ranges of ``--vary``, or those of the settings. A range of ``--vary`` is whole and logarithmic where the
     settings say so of its field; a field whose number is an integer is whole. Raises InputError.
     """
-    known = load(CONFIG_DIR / SETTINGS, SearchSettings).parameters
+    known = load(CONFIG_DIR / SETTINGS, RecipeRanges).parameters
     if not vary:
         return known
     found = {}
