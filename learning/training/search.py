@@ -18,7 +18,7 @@ from learning.dataset.dataset import Dataset
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.tuning.progress import TrialProgress, is_invalid
 from sim_harness.tuning.settings import Span, parse_vary
-from sim_harness.tuning.study import START, Found, Invalid, Task, complete, cost, search, values_of
+from sim_harness.tuning.study import START, Evaluation, Invalid, Task, complete, cost, search, values_of
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 
 SETTINGS = "driving_search.yaml"
@@ -71,7 +71,7 @@ class RecipeTask(Task):
             found[name] = span.low if value is None else min(max(value, span.low), span.high)
         return found
 
-    def evaluate(self, values: dict[str, float], folder: Path) -> Found:
+    def evaluate(self, values: dict[str, float], folder: Path) -> Evaluation:
         """The validation error of a recipe in its best epoch."""
         from learning.training.loop import Divergence
         from learning.training.run import train_network
@@ -90,7 +90,7 @@ class RecipeTask(Task):
             ).progress
         except Divergence as error:
             raise Invalid(str(error)) from error
-        return Found(
+        return Evaluation(
             math.degrees(found.best_mae_rad),
             {"epoch": found.best_epoch, "epochs": found.epoch, "training_s": found.elapsed_s},
         )

@@ -10,7 +10,7 @@ Evolution (1997). Eshelman and Schaffer, Real-Coded Genetic Algorithms and Inter
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -133,18 +133,33 @@ class PopulationSampler(BaseSampler):
             return {}
         trials = [one for one in study.get_trials(deepcopy=False) if one.number != trial.number]
         number = sum(MEMBER in one.system_attrs for one in trials) % self._members
-        herd = self._herd(trials, search_space)
-        if number in herd and len(herd) > 3:
-            others = [member for name, member in herd.items() if name != number]
-            found = self.step(herd[number], others, min(herd.values(), key=lambda one: one.cost))
-        else:
-            size = len(search_space)
-            found = Proposal(self._rng.random(size), np.zeros(size))
-        found.x = np.clip(found.x, 0.0, 1.0)
+        found = self._propose(self._herd(trials, search_space), number, len(search_space))
         kept = {MEMBER: number, VELOCITY: found.velocity.tolist(), DRAW: float(self._rng.random())}
         for name, value in kept.items():
             study._storage.set_trial_system_attr(trial._trial_id, name, value)
         return {name: _value(one, x) for (name, one), x in zip(search_space.items(), found.x, strict=True)}
+
+    def minimise(
+        self, cost: Callable[[Point], float], dimensions: int, evaluations: int
+    ) -> tuple[Point, float]:
+        """The best point of the unit cube and its cost after some evaluations, without a study: members in turn."""
+        herd: dict[int, Individual] = {}
+        for evaluation in range(evaluations):
+            number = evaluation % self._members
+            found = self._propose(herd, number, dimensions)
+            self._take(herd, number, found, cost(found.x), float(self._rng.random()))
+        best = min(herd.values(), key=lambda one: one.cost)
+        return best.best, best.cost
+
+    def _propose(self, herd: Mapping[int, Individual], number: int, dimensions: int) -> Proposal:
+        """The next point of a member, within the unit cube."""
+        if number in herd and len(herd) > 3:
+            others = [member for name, member in herd.items() if name != number]
+            found = self.step(herd[number], others, min(herd.values(), key=lambda one: one.cost))
+        else:
+            found = Proposal(self._rng.random(dimensions), np.zeros(dimensions))
+        found.x = np.clip(found.x, 0.0, 1.0)
+        return found
 
     def _herd(
         self, trials: Sequence[FrozenTrial], space: Mapping[str, BaseDistribution]
@@ -156,19 +171,25 @@ class PopulationSampler(BaseSampler):
                 continue
             x = np.array([_share(space[name], one.params[name]) for name in space])
             velocity, number = np.array(one.system_attrs[VELOCITY]), int(one.system_attrs[MEMBER])
-            if number not in herd:
-                herd[number] = Individual(x, velocity, x, one.value)
-                continue
-            member = herd[number]
-            better = one.value <= member.cost
-            if not self.keeps_best:
-                member.x = x
-            elif better and one.system_attrs[DRAW] < self.acceptance(member):
-                member.x, member.accepted = x, member.accepted + 1
-            member.velocity = velocity
-            if better:
-                member.best, member.cost = x, one.value
+            self._take(herd, number, Proposal(x, velocity), one.value, one.system_attrs[DRAW])
         return herd
+
+    def _take(
+        self, herd: dict[int, Individual], number: int, found: Proposal, cost: float, draw: float
+    ) -> None:
+        """Let a member have been at a point of a known cost."""
+        if number not in herd:
+            herd[number] = Individual(found.x, found.velocity, found.x, cost)
+            return
+        member = herd[number]
+        better = cost <= member.cost
+        if not self.keeps_best:
+            member.x = found.x
+        elif better and draw < self.acceptance(member):
+            member.x, member.accepted = found.x, member.accepted + 1
+        member.velocity = found.velocity
+        if better:
+            member.best, member.cost = found.x, cost
 
     def acceptance(self, member: Individual) -> float:
         """The probability that a better step is taken where only better ones are."""

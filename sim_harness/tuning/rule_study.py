@@ -9,7 +9,7 @@ from sim_harness.sweep.plan import Plan
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.score import Fearless, RunCrashed, score
 from sim_harness.tuning.settings import Costs
-from sim_harness.tuning.study import Failed, Found, Invalid, Task
+from sim_harness.tuning.study import Evaluation, EvaluationError, Invalid, Task
 from supervisor.rules.inference import FearRules
 from supervisor.rules.verify import verify
 from trepid.config import InputError, read_text
@@ -37,13 +37,13 @@ class RuleTask(Task):
         text = NumberedText(self.rules)
         return {name: text.value(name) for name in self.parameters}
 
-    def evaluate(self, values: dict[str, float], folder: Path) -> Found:
+    def evaluate(self, values: dict[str, float], folder: Path) -> Evaluation:
         """The cost of driving with a file of these values."""
         try:
             found = score(self.candidate(values, folder), self.planned, self.references, self.costs)
         except RunCrashed as error:
-            raise Failed(str(error)) from error
-        return Found(found.cost, asdict(found))
+            raise EvaluationError(str(error)) from error
+        return Evaluation(found.cost, asdict(found))
 
     def candidate(self, values: dict[str, float], folder: Path) -> Path:
         """The rule file with other values, checked. Raises Invalid."""

@@ -60,7 +60,7 @@ SAMPLERS: Mapping[str, Callable[[int], BaseSampler]] = MappingProxyType(
 """Name of a sampler -> the sampler for a seed."""
 
 
-class Found(NamedTuple):
+class Evaluation(NamedTuple):
     """The cost of a candidate, and what its trial keeps beside it."""
 
     cost: float
@@ -91,14 +91,14 @@ class Task:
         """The values that a new study begins with."""
         raise NotImplementedError
 
-    def evaluate(self, values: dict[str, float], folder: Path) -> Found:
-        """The cost of a candidate. Raises Invalid for one that fails a check, Failed and InputError for one
-        whose evaluation failed.
+    def evaluate(self, values: dict[str, float], folder: Path) -> Evaluation:
+        """The cost of a candidate. Raises Invalid for one that fails a check, EvaluationError and InputError for
+        one whose evaluation failed.
         """
         raise NotImplementedError
 
 
-class Failed(Exception):
+class EvaluationError(Exception):
     """The evaluation of a candidate failed."""
 
 
@@ -205,7 +205,7 @@ def _evaluate(study: optuna.Study, trial: optuna.Trial, task: Task, folder: Path
         trial.suggest_float(name, span.low, span.high, log=span.log)
     try:
         found = task.evaluate(values_of(trial, task.parameters), folder)
-    except (Invalid, Failed, InputError) as error:
+    except (Invalid, EvaluationError, InputError) as error:
         trial.set_user_attr(INVALID, str(error))
         study.tell(trial, state=TrialState.PRUNED if isinstance(error, Invalid) else TrialState.FAIL)
         return False
