@@ -178,6 +178,21 @@ BENCHMARKS = {
         pictured=False,
         continued=True,
     ),
+    "study-optimisers": Benchmark(
+        "study.optimisers",
+        "the optimisers of the training loop on one network, at equal epochs, four seeds each",
+        continued=True,
+    ),
+    "study-weights": Benchmark(
+        "study.weights",
+        "the weights of a small network by populations, by gradients, by both, with its units: equal evaluations",
+        continued=True,
+    ),
+    "study-networks": Benchmark(
+        "study.networks",
+        "networks that steer by their depth and their memory, on the same frames at equal epochs",
+        continued=True,
+    ),
     "study-speed": Benchmark(
         "study.loops",
         "angles of 5 mph at 5 to 25 mph, with and without transposition by understeer",

@@ -38,32 +38,32 @@ class WithoutPast(nn.Module):
 
 def inception_v3(size: Size, head: Head) -> SteeringNetwork:
     """InceptionV3 and the top. Its trunk reads −1 to 1, as Keras and the public weights of TensorFlow."""
-    return _build(size, head, InceptionV3(), InputView(scaling="signed"))
+    return with_top(size, head, InceptionV3(), InputView(scaling="signed"))
 
 
 def vgg16(size: Size, head: Head) -> SteeringNetwork:
     """VGG16 and the top."""
-    return _build(size, head, VGG(VGG16), InputView(scaling="imagenet"))
+    return with_top(size, head, VGG(VGG16), InputView(scaling="imagenet"))
 
 
 def vgg19(size: Size, head: Head) -> SteeringNetwork:
     """VGG19 and the top."""
-    return _build(size, head, VGG(VGG19), InputView(scaling="imagenet"))
+    return with_top(size, head, VGG(VGG19), InputView(scaling="imagenet"))
 
 
 def rnn_as_printed(size: Size, head: Head) -> SteeringNetwork:
     """InceptionV3, the top, and SimpleRNN on sequences of length 1."""
-    return _build(
+    return with_top(
         size, head, InceptionV3(), InputView(scaling="signed"), WithoutPast(SimpleRNN(DENSE, UNITS))
     )
 
 
 def rnn(size: Size, head: Head) -> SteeringNetwork:
     """InceptionV3, the top, and SimpleRNN on true sequences, stateful at run time."""
-    return _build(size, head, InceptionV3(), InputView(scaling="signed"), memory=SimpleRNN(DENSE, UNITS))
+    return with_top(size, head, InceptionV3(), InputView(scaling="signed"), memory=SimpleRNN(DENSE, UNITS))
 
 
-def _build(
+def with_top(
     size: Size,
     head: Head,
     trunk: nn.Module,
@@ -71,6 +71,7 @@ def _build(
     last: nn.Module | None = None,
     memory: SimpleRNN | None = None,
 ) -> SteeringNetwork:
+    """``trunk`` under the top of the paper; ``last`` or ``memory`` stands between dense layer and output."""
     top = nn.Sequential(nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.LazyLinear(DENSE), nn.ReLU())
     if last is not None:
         top.append(last)
