@@ -16,6 +16,7 @@ TABLE = Path(__file__).with_name("coverage.yaml")
 ERRATA = Path(__file__).with_name("errata.md")
 TECHNIQUES = "perception/techniques"
 TESTS_OF_TECHNIQUES = "tests/perception/techniques/test_pipeline.py"
+REMARK = "note: "
 FAMILIES = "PABTSNDMEOFVH"
 ID = re.compile(r"([A-Z])(\d\d)")
 RANGE = re.compile(r"([A-Z])(\d\d)(?:–[A-Z]?(\d\d))?")
@@ -33,12 +34,14 @@ class InventoryEntry(NamedTuple):
 
     @property
     def state(self) -> str:
-        """``context``: nothing to build; ``open``: no code; ``in part``: code, and a reason; ``done``."""
+        """``context``: nothing to build; ``open``: no code; ``in part``: code, and a reason; ``done``: code, and no
+        reason or a remark that begins with REMARK.
+        """
         if self.reason.startswith("context"):
             return "context"
         if not self.code:
             return "open"
-        return "in part" if self.reason else "done"
+        return "in part" if self.reason and not self.reason.startswith(REMARK) else "done"
 
 
 def rows() -> list[InventoryEntry]:
@@ -60,7 +63,7 @@ def _techniques() -> Iterator[InventoryEntry]:
         names, what, stage = cells[0], cells[1], cells[2]
         remark = cells[3] if len(cells) > 3 else ""
         is_built = stage != "–" or remark.startswith("the estimator")
-        reason = remark if not is_built or remark.startswith(("one lane", "exposure", "left out")) else ""
+        reason = remark if not is_built or remark.startswith(("one lane", "left out")) else ""
         for family, first, last in RANGE.findall(names):
             for number in range(int(first), int(last or first) + 1):
                 code, test = (TECHNIQUES, TESTS_OF_TECHNIQUES) if is_built else ("", "")
@@ -79,9 +82,10 @@ def page() -> str:
         "[techniques](techniques.md).*",
         f"Of {len(found)} entries {counts['done']} have code and a test without reservation, {counts['in part']} "
         f"with the reservation that is stated; {counts['open']} have no code, {counts['context']} are context and "
-        "ask for none. A test checks that code, tests and results exist. Whether a technique reaches the figure of "
-        "its paper is said by the result, not by this table.",
-        "| id | what | state | code | test | result | reservation or reason |\n"
+        "ask for none. A remark on an entry that is done says what it asks for, or what its result shows. A test "
+        "checks that code, tests and results exist. Whether a technique reaches the figure of its paper is said by "
+        "the result, not by this table.",
+        "| id | what | state | code | test | result | reservation, reason or remark |\n"
         "| --- | --- | --- | --- | --- | --- | --- |\n" + "\n".join(map(_line, found)),
         ERRATA.read_text(encoding="utf-8").strip(),
     ]
@@ -91,7 +95,8 @@ def page() -> str:
 def _line(row: InventoryEntry) -> str:
     result = f"[{row.result}](../lab/results/README.md#{row.result})" if row.result else "–"
     code, test = (f"`{path}`" if path else "–" for path in (row.code, row.test))
-    return f"| {row.id} | {row.what} | {row.state} | {code} | {test} | {result} | {row.reason or '–'} |"
+    remark = row.reason.removeprefix(REMARK) or "–"
+    return f"| {row.id} | {row.what} | {row.state} | {code} | {test} | {result} | {remark} |"
 
 
 if __name__ == "__main__":

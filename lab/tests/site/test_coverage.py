@@ -31,3 +31,22 @@ def test_code_test_and_result_of_an_entry_exist_or_a_reason_is_given(row: Invent
     assert bool(row.code) == bool(row.test)
     assert not row.result or re.search(rf"^## {row.result}$", RESULTS, re.MULTILINE), row.result
     assert row.code or row.reason
+
+
+def test_a_remark_leaves_an_entry_done_and_a_reservation_does_not() -> None:
+    row = InventoryEntry("A01", "what", "code", "test", "", "")
+    assert row.state == "done" == row._replace(reason="note: as asked").state
+    assert row._replace(reason="one lane only").state == "in part"
+    assert row._replace(code="", test="", reason="left out").state == "open"
+
+
+CITED = {*(98, 99, 100, 104, 140), *range(108, 128), *(137, 138, 139, 141)}
+"""References of N12 in the review."""
+
+
+def test_every_design_that_the_review_cites_is_taken_or_declined_with_a_reason() -> None:
+    text = (ROOT / "docs" / "techniques.md").read_text(encoding="utf-8")
+    table = text.partition("(inventory N12)")[2]
+    rows = [line.strip("|").split("|") for line in table.splitlines() if re.match(r"\| .*\[\d+\]", line)]
+    named = [int(number) for cells in rows for number in re.findall(r"\[(\d+)\]", cells[1])]
+    assert sorted(named) == sorted(CITED) and all(cells[2].strip() and cells[3].strip() for cells in rows)
