@@ -26,7 +26,7 @@ from collections.abc import Callable
 from typing import Any
 
 from perception.techniques.boundaries import arcs, curves, lines, orientation, outliers, ransac
-from perception.techniques.image import colour, edges, light, region, shadow, stripes, surface, warp
+from perception.techniques.image import ants, colour, edges, light, region, shadow, stripes, surface, warp
 from perception.techniques.steering import abdelrahman, centre_line, lane, sujatha, umamaheswari
 from perception.techniques.tracking import kalman, sampled
 
@@ -56,6 +56,7 @@ KINDS: dict[str, dict[str, Callable[..., Any]]] = {
     "features": {
         "canny": edges.canny,
         "canny_auto": edges.canny_auto,
+        "canny_ants": ants.canny_ants,
         "sobel": edges.sobel,
         "prewitt": edges.prewitt,
         "edlines": edges.edlines,
