@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from trepid.causes import OWN_STOPS, Cause, in_words, unseen
+from trepid.causes import OWN_STOPS, RESTART, Cause, in_words, unseen
 from trepid.messages import Command, Decision, Diagnostic, Limit, Mode, Stop
 from vehicle.driver.stop_button import STOPPED
 
@@ -23,6 +23,21 @@ def reason(decision: Decision | None, *, command: Command | None = None, driver:
     if driver or decision is None:
         return DRIVER if driver else NO_DECISION
     return decision.waits_for or _stop(decision) or _own_limit(decision, command) or _limit_words(decision)
+
+
+def task(decision: Decision | None, *, stops: str = "", driver: bool = False) -> str:
+    """What a person at the car has to do, as one short sentence; ``stops``: :func:`own_stop`."""
+    if driver:
+        return "the car is yours"
+    if stops.startswith(STOPPED):
+        return "press Drive on when the way is free"
+    if stops or decision is None:
+        return "be ready to take over"
+    if RESTART in decision.waits_for:
+        return "it stays here: end the drive, mend the cause, start it again"
+    if decision.waits_for or decision.stop is not Stop.NONE:
+        return "keep clear: it drives on by itself"
+    return "be ready to take over" if decision.mode is Mode.CAUTION else "nothing to do but watch"
 
 
 def own_stop(beats: Iterable[Diagnostic]) -> str:

@@ -152,5 +152,7 @@ def known_causes(declared: Iterable[str] = ()) -> frozenset[str]:
 
 NO_COMMAND = "no command arrives: the vehicle stops by itself, and waits for commands at standstill"
 NO_SPEED = "no speed is measured: the vehicle stops by itself, and waits for a measured speed"
+RESTART = "waits for a restart of the drive"
+"""What a stop says that nothing ends by itself."""
 OWN_STOPS = NO_COMMAND, NO_SPEED
 """What the vehicle process says while the limiter stops the car of its own accord."""

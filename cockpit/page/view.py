@@ -8,10 +8,10 @@ from cockpit.page.feed import Feed
 from cockpit.page.history import PathHistory, Timelines
 from cockpit.page.overlay import overlay
 from cockpit.page.stop import Hold
-from drive.reason import fired_rules, own_stop, reason, speed_limit_mps
+from drive.reason import fired_rules, own_stop, reason, speed_limit_mps, task
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.causes import concerning, in_words, line_words
+from trepid.causes import in_words, line_words
 from trepid.messages import Command, CompressedFrame, Decision, Diagnostic, SteeringEstimate, Timing
 from trepid.processes.register import END, PROBLEMS, PROCESS, WAITS
 from vehicle.driver.stop_button import STOPPED
@@ -81,6 +81,7 @@ class PageView:
         waits = reported.get(WAITS, "")
         stops = self._own_stop(now_s)
         driver = bool(state and state.driver_override)
+        speed_mps = None if state is None else state.speed_mps
         shown = None if decision is None else _decision(decision)
         if decision is not None and shown is not None:
             shown["cap"] = self._limit_mps(decision, command, now_s)
@@ -90,9 +91,11 @@ class PageView:
             "says": "" if waits or feed.report is None else reported.get(PROBLEMS, feed.report.message),
             "waits": waits,
             "because": stops or reason(decision, command=command, driver=driver),
+            "task": task(decision, stops=stops, driver=driver),
             "held": hold is not None and hold.held,
             "stops": bool(stops),
-            "speed": None if state is None else state.speed_mps,
+            "stands": speed_mps is not None and abs(speed_mps) <= self._vehicle.standstill_mps,
+            "speed": speed_mps,
             "true_error": self.track.true,
             "decision": shown,
             "estimates": {name: _estimate(list(of_one), now_s) for name, of_one in feed.estimates.items()},
@@ -182,7 +185,6 @@ def _decision(decision: Decision) -> dict[str, Any]:
         "fear": decision.fear,
         "level": decision.level,
         "cause": decision.cause,
-        "concerning": concerning(decision.cause, decision.part),
         "cause_words": in_words(decision.cause, decision.part),
         "rules": [[text, round(strength, 3)] for text, strength in fired_rules(decision)][:RULES_SHOWN],
         "inputs": dict(zip(decision.inputs, decision.input_values, strict=False)),

@@ -18,7 +18,7 @@ from supervisor.rules.inference import FearRules
 from supervisor.situation.features import DOUBT
 from supervisor.situation.world_state import WorldState
 from trepid.bounds import at_least
-from trepid.causes import Cause, in_words, unseen
+from trepid.causes import RESTART, Cause, in_words, unseen
 from trepid.messages import Losses, Mode, Stop
 from trepid.processes.lateness import RECOVERED
 
@@ -223,7 +223,7 @@ def _stop(view: StartSituation, halt: Halt) -> str:
         else f"{stop}: {unseen(state.cause, unseen_s) or in_words(state.cause, state.part)};"
     )
     if state.final:
-        return f"{head} waits for a restart of the drive"
+        return f"{head} {RESTART}"
     if not standing and view.world.motion is not None:
         driver = ", or for a driver who hands over" if state.cause == STARTING else ""
         return f"{head} waits for standstill{driver}"
@@ -233,7 +233,7 @@ def _stop(view: StartSituation, halt: Halt) -> str:
 def _start(view: StartSituation, halt: Halt, fault: str, after_s: float | None) -> str:
     """What a standing car waits for before it drives, ``after_s`` without obstacle and fault; None: never."""
     if after_s is None:
-        return "waits for a restart of the drive, as reengage_after_s is null"
+        return f"{RESTART}, as reengage_after_s is null"
     row = None if fault in ENDS else obstacle(view)
     if row is not None:
         return f"waits for {row.waits_for(view)}"

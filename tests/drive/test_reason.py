@@ -6,9 +6,10 @@ from typing import Any
 import pytest
 from message_rig import decision
 
-from drive.reason import DRIVER, NO_DECISION, STOPS, fired_rules, reason, speed_limit_mps
-from trepid.causes import CAUSES, IN_WORDS, Cause, in_words
+from drive.reason import DRIVER, NO_DECISION, STOPS, fired_rules, reason, speed_limit_mps, task
+from trepid.causes import CAUSES, IN_WORDS, NO_COMMAND, RESTART, Cause, in_words
 from trepid.messages import Command, Limit, Mode, Stop
+from vehicle.driver.stop_button import STOPPED
 
 
 def command(target_mps: float, t_s: float | None = 1.0) -> Command:
@@ -121,3 +122,30 @@ def test_every_cause_has_words_of_its_own() -> None:
     assert set(IN_WORDS) == CAUSES
     assert len(set(IN_WORDS.values())) == len(CAUSES)
     assert not any("_" in in_words(cause) for cause in Cause)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        (dict(limited_by=Limit.LEAD), "nothing to do but watch"),
+        (dict(mode=Mode.CAUTION, cause="dark"), "be ready to take over"),
+        (dict(waits_for=WAITS), "keep clear: it drives on by itself"),
+        (dict(mode=Mode.STOP, stop=Stop.COMFORT, waits_for=WAITS), "keep clear: it drives on by itself"),
+        (dict(mode=Mode.STOP, stop=Stop.EMERGENCY), "keep clear: it drives on by itself"),
+        (
+            dict(mode=Mode.STOP, stop=Stop.COMFORT, waits_for=f"stopped: lost estimator (cv); {RESTART}"),
+            "it stays here: end the drive, mend the cause, start it again",
+        ),
+    ],
+)
+def test_a_person_reads_what_to_do_and_is_never_called_idle_beside_a_car_that_may_start(
+    fields: dict[str, Any], words: str
+):
+    assert task(decision(1.0, **fields)) == words
+
+
+def test_the_driver_the_stop_button_and_the_own_stop_of_the_vehicle_come_before_the_decision():
+    calm = decision(1.0, mode=Mode.KEEP)
+    assert task(calm, driver=True, stops=STOPPED) == "the car is yours"
+    assert task(calm, stops=STOPPED) == "press Drive on when the way is free"
+    assert task(calm, stops=NO_COMMAND) == task(None) == "be ready to take over"

@@ -88,13 +88,14 @@ async function receive(socket, buffer) {
   const { state, jpeg } = unpack(buffer);
   const picture = jpeg.length ? await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" })).catch(() => null) : null;
   requestAnimationFrame(() => {
+    if (socket.readyState !== WebSocket.OPEN) return; // what closed it is newer than this state
     try {
       draw(state, picture);
     } catch (error) { // half of the values may be old ones
       lose(`this page fails, reload it: ${error.message}`);
       throw error;
     } finally { // the server waits for it
-      if (socket.readyState === WebSocket.OPEN) socket.send("drawn");
+      socket.send("drawn");
     }
   });
 }

@@ -28,7 +28,7 @@ export class Panels {
   }
 
   nothing(why, word = "NO DATA") {
-    this.mode("NONE", word, why);
+    this.mode("NONE", word, why, word === "NO DATA" ? "watch the car itself" : "");
     this.fear(null);
     for (const id of ["speed", "cap", "sight"]) put(id, "–");
     put("sight-cause", "");
@@ -50,19 +50,21 @@ export class Panels {
     put("sight-cause", words(decision?.sight_cause ?? ""));
     put("driven", number(state.driven, 0));
     put("source", decision?.source ?? "none");
-    if (state.stops || (state.stopping && !state.stop_undelivered)) this.mode("STOP", "STOP", state.stops ? state.because : "stop button pressed");
-    else if (state.waits) this.mode("NONE", "WAITING", state.waits);
-    else if (!decision) this.mode("NONE", "NO DATA", "no decision of the supervisor");
-    else this.mode(decision.mode, decision.mode, state.because);
+    const halt = state.stands ? "STOPPED" : "STOP";
+    if (state.stops || (state.stopping && !state.stop_undelivered)) this.mode("STOP", halt, state.stops ? state.because : "stop button pressed", state.stops ? state.task : "");
+    else if (state.waits) this.mode("NONE", "WAITING", state.waits, "keep clear: it starts by itself");
+    else if (!decision) this.mode("NONE", "NO DATA", "no decision of the supervisor", state.task);
+    else this.mode(decision.mode, decision.mode === "STOP" ? halt : decision.mode, state.because, state.task);
     this.fear(decision);
     this.firing(decision?.rules ?? []);
     this.processes(state.processes);
   }
 
-  mode(kind, word, because) {
+  mode(kind, word, because, task) {
     element("banner").dataset.mode = kind;
     put("mode", word);
     put("because", because);
+    put("task", task);
     const said = kind === "NONE" ? `${word}: ${because}` : `Mode ${word}. ${because}`;
     const headline = kind === "NONE" ? "none" : word;
     if (headline !== this.said) put("announce", said); // a change of mode is spoken, not every number
@@ -112,7 +114,7 @@ export class Panels {
 }
 
 function cause(decision) {
-  return decision.cause === "none" ? "no rule raises it" : `${decision.cause_words} · ${decision.concerning}`;
+  return decision.cause === "none" ? "no rule raises it" : decision.cause_words;
 }
 
 function rule() {

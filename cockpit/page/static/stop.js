@@ -1,5 +1,5 @@
 // The stop button. One press stops; to drive on takes two, at standstill. Escape anywhere is a press.
-const ANSWER_MS = 1000, RETRY_MS = 300, ARMED_MS = 4000, STANDS_MPS = 0.1;
+const ANSWER_MS = 1000, RETRY_MS = 300, ARMED_MS = 4000;
 const UNDELIVERED = "The car does NOT confirm the stop; it is sent again and again. Use the switch in the car.";
 const element = id => document.getElementById(id);
 
@@ -60,7 +60,7 @@ export class StopButton {
     this.alarm();
     const word = state.held ? "STOPPED" : state.stopping || this.wanted ? "stopping" : "STOP";
     if (element("stop-word").textContent !== word) element("stop-word").textContent = word;
-    element("release").hidden = !(state.held && state.speed !== null && Math.abs(state.speed) < STANDS_MPS);
+    element("release").hidden = !(state.held && state.stands);
   }
 
   failed(why) {

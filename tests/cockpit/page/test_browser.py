@@ -249,14 +249,30 @@ def test_before_the_drive_begins_the_banner_says_what_it_waits_for_and_is_no_sto
     viewer.scene.decision |= dict(mode=Mode.STOP, stop=Stop.COMFORT, cause="no_path")
     viewer.scene.waits = "waiting for the start of the scenario"
     assert viewer.becomes("mode", "WAITING") and viewer.becomes("because", viewer.scene.waits)
+    assert viewer.text("task") == "keep clear: it starts by itself"
     assert viewer.js("return document.getElementById('banner').dataset.mode") == "NONE"
-    end_px, next_px = viewer.js("""
-        const word = document.createRange(), fear = document.getElementById('fear-now');
-        word.selectNodeContents(document.getElementById('mode'));
-        return [word.getBoundingClientRect().right, fear.getBoundingClientRect().left];""")
-    assert end_px < next_px, "the longest word of the banner covers the fear"
     viewer.scene.waits = ""
-    assert viewer.becomes("mode", "STOP")
+    assert viewer.becomes("mode", "STOP") and viewer.becomes("task", "keep clear: it drives on by itself")
+    viewer.scene.speed_mps = 0.0
+    assert viewer.becomes("mode", "STOPPED")
+
+
+@pytest.mark.parametrize("width", [1301, 1366, 1920])
+def test_the_word_of_the_banner_never_covers_a_number(viewer, width):
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    viewer.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    viewer.scene.decision |= dict(mode=Mode.CAUTION, fear=0.55, level="medium", sight_m=30.0)
+    script = """
+        const word = document.createRange(), fear = document.getElementById('fear-figure');
+        word.selectNodeContents(document.getElementById('mode'));
+        return [word.getBoundingClientRect().right, fear.getBoundingClientRect().left];"""
+    try:
+        assert viewer.becomes("mode", "CAUTION") and viewer.becomes("sight", "30")
+        assert until(lambda: viewer.js("return window.innerWidth") == width, patience_s=PATIENCE_S)
+        end_px, next_px = viewer.js(script)
+        assert end_px < next_px
+    finally:
+        viewer.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_a_value_that_is_absent_is_a_dash_and_silence_is_no_data(viewer):
