@@ -8,7 +8,8 @@ printed, with sequences of length 1, beside the same on true sequences. The top 
 small one, because InceptionV3 does not train on two cores in an hour. The rates of the angles say how quiet a
 wheel is.
 
-The frames are those of :mod:`lab.bench.study.passages`, every fourth, so that WINDOW of them span a passage.
+The frames are those of :mod:`lab.bench.study.passages`, every fourth, half of them mirrored, so that WINDOW of
+them span a passage.
 """
 
 from collections.abc import Callable
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
     from learning.models.parts.network import SteeringNetwork
 
 Row = dict[str, Any]
-EPOCHS, RATE, SEEDS = 10, 1.0e-3, 3
-WINDOW, BATCH = 8, 64  # frames
+EPOCHS, RATE, SEEDS = 16, 1.0e-3, 3
+WINDOW, BATCH = 8, 16  # frames
 DENSE, UNITS = (100, 50), 128
 
 
@@ -76,6 +77,7 @@ def row_of(frames: Passages, make: Callable[[], "SteeringNetwork"], seed: int) -
         "batch": str(BATCH // WINDOW if sequences else BATCH),
         "window": str(WINDOW),
         "initialisation": "glorot",
+        "augmentation.flip": "0.5",
     }
     network, progress = train_passages(frames, "cnn-lstm", changes, network)
     angles_rad, _ = predict(network, frames.test)
