@@ -167,6 +167,11 @@ BENCHMARKS = {
         "hills and banks: laps under supervision, lane 15 m ahead beside a flat road, stops behind crests",
         pictured=False,
     ),
+    "junctions": Benchmark(
+        "perception.junctions",
+        "straight on past side roads of ten shapes: departures, lateral error",
+        pictured=False,
+    ),
     "people": Benchmark(
         "people.bench",
         "people, cyclists and animals that step out, stand aside, ride ahead; their detector on real pictures",

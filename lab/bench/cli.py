@@ -62,8 +62,8 @@ def bench(
     quick: Annotated[
         bool,
         typer.Option(
-            help="perception, real, imitation, fear-severity, sight, people, tracks, hills: a part of it;"
-            " fear-supervision: the supervised car alone."
+            help="perception, real, imitation, fear-severity, sight, people, tracks, hills, junctions:"
+            " a part of it; fear-supervision: the supervised car alone."
         ),
     ] = False,
     repeats: Annotated[
@@ -73,7 +73,7 @@ def bench(
         int | None,
         typer.Option(
             min=1,
-            help="perception, imitation, fear-severity, sight, within-sight, people, tracks, hills, "
+            help="perception, imitation, fear-severity, sight, within-sight, people, tracks, hills, junctions, "
             "measured-faults, study-samplers, suite: processes; faults: drives; default: 1, suite 2.",
         ),
     ] = None,
@@ -101,7 +101,7 @@ def bench(
         typer.Option(
             min=1,
             help="faults, logbook, people: number of each, default 100; live: of scenarios, default 20; "
-            "fear-severity: of roads, default 2; hills: of stops and of roads; "
+            "fear-severity: of roads, default 2; hills: of stops and of roads; junctions: of drives; "
             "within-sight: of rendered cases, default 300.",
         ),
     ] = None,

@@ -61,6 +61,14 @@ class JunctionKind(StrEnum):
     INTERSECTION = "intersection"  # interrupts every line
 
 
+class MouthLine(StrEnum):
+    """Line across the half of a side road that leads to the main road."""
+
+    NONE = "none"
+    STOP = "stop"
+    GIVE_WAY = "give_way"  # short dashes
+
+
 class Side(StrEnum):
     LEFT = "left"
     RIGHT = "right"
@@ -77,7 +85,17 @@ class Junction(Settings):
     radius_m: Annotated[float, Field(ge=0, le=15)] = 3.0  # of the rounded corners
     length_m: Annotated[float, Field(gt=0, le=80)] = 30.0  # from the edge of the carriageway
     surface: Surface | None = None  # None: that of the road
-    centre_line: bool = False  # a dashed white line along its axis, and a stop line at its mouth
+    centre_line: bool = False  # a dashed white line along its axis
+    mouth_line: MouthLine | None = None  # None: a stop line with a centre line, none without
+    rim_line: bool = False  # a white edge line around its corners
+    kerb_m: Annotated[float, Field(ge=0, le=1)] = 0.0  # pale kerb around its corners
+    left_hand: bool = False  # traffic keeps left: the line at its mouth spans the other half
+
+    @property
+    def line(self) -> MouthLine:
+        """The line at its mouth."""
+        usual = MouthLine.STOP if self.centre_line else MouthLine.NONE
+        return usual if self.mouth_line is None else self.mouth_line
 
     @property
     def mouth_m(self) -> tuple[float, float]:

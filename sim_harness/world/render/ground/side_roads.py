@@ -8,15 +8,17 @@ import numpy as np
 
 from sim_harness.world.render.ground.markings import PAINT_BGR
 from sim_harness.world.render.ground.strip_grid import edges_m
-from sim_harness.world.render.ground.surface import EDGE_SOFTNESS_M, SURFACE_TINT
+from sim_harness.world.render.ground.surface import EDGE_SOFTNESS_M, KERB_BGR, SURFACE_TINT
 from sim_harness.world.roads.appearance import Paint
-from sim_harness.world.roads.features import Junction, Side
+from sim_harness.world.roads.features import Junction, MouthLine, Side
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Image
 
 UNDER_M = 1.0  # overlap of an arm with the carriageway
 LINE_M, DASH_M, GAP_M = 0.12, 3.0, 3.0  # its centre line, short dashes as before junctions (RMS-1)
 STOP_M, SET_BACK_M = 0.5, 1.0  # stop line, and its distance from the edge of the carriageway
+TOOTH_M, TOOTH_GAP_M = 0.5, 0.25  # dashes of a line of waiting (RMS-1)
+RIM_M = 0.1  # from the rim or its kerb to the edge line around a corner
 
 
 @dataclass(frozen=True)
@@ -62,9 +64,8 @@ def lay_arm(tile: Image, arm: Arm, x_m: Array, y_m: Array, grain: Image) -> None
     cover = _cover(_inside(arm, u, v), max(EDGE_SOFTNESS_M, pixel_m))
     tone = 0.4 + 0.6 * grain[rows, columns].astype(np.float64) / 128
     colour = arm.bgr * tone.mean(axis=2, keepdims=True)
-    if arm.junction.centre_line:
-        paint = _paint_share(arm, u, v, pixel_m)[:, :, None]
-        colour = colour + paint * (np.array(PAINT_BGR[Paint.WHITE]) - colour)
+    for share, bgr in _paint_layers(arm, u, v, pixel_m):
+        colour = colour + share[:, :, None] * (np.array(bgr) - colour)
     bare = tile[rows, columns].astype(np.float64)
     tile[rows, columns] = np.clip(bare + cover[:, :, None] * (colour - bare), 0, 255)
 
@@ -86,15 +87,38 @@ def _inside(arm: Arm, u: Array, v: Array) -> Array:
     return np.minimum(half_m - np.abs(v), along)
 
 
-def _paint_share(arm: Arm, u: Array, v: Array, pixel_m: float) -> Array:
-    """Share of paint: a dashed centre line, and a stop line for traffic towards the main road."""
+def _from_rim(arm: Arm, u: Array, v: Array) -> Array:
+    """Distance [m] from the sides and the rounded corners of an arm, perpendicular to them, positive inside."""
+    radius_m, half_m = arm.junction.radius_m, arm.junction.width_m / 2
+    to_centre_m = arm.edge_m + radius_m - u
+    round_m = np.hypot(to_centre_m, half_m + radius_m - np.abs(v)) - radius_m
+    return np.where(to_centre_m > 0, round_m, half_m - np.abs(v))
+
+
+def _paint_layers(
+    arm: Arm, u: Array, v: Array, pixel_m: float
+) -> Iterator[tuple[Array, tuple[int, int, int]]]:
+    """Shares of paint and kerb, and their colours, in the order in which they are laid."""
+    junction, white = arm.junction, PAINT_BGR[Paint.WHITE]
+    beyond = _cover(u - arm.edge_m, pixel_m)  # the carriageway of the main road covers the rest
+    rim_m = _from_rim(arm, u, v)
+    if junction.kerb_m:
+        yield _cover(junction.kerb_m / 2 - np.abs(rim_m - junction.kerb_m / 2), pixel_m) * beyond, KERB_BGR
+    if junction.rim_line:
+        middle_m = junction.kerb_m + RIM_M + LINE_M / 2
+        yield _cover(LINE_M / 2 - np.abs(rim_m - middle_m), pixel_m) * beyond, white
     run = u - arm.edge_m - SET_BACK_M
-    keep_right = v * (arm.outwards[1] * arm.forwards[0] - arm.outwards[0] * arm.forwards[1])
-    dash = _cover(DASH_M / 2 - np.abs((run - STOP_M) % (DASH_M + GAP_M) - DASH_M / 2), pixel_m)
-    line = _cover(LINE_M / 2 - np.abs(v), pixel_m) * dash * (run > STOP_M)
-    stop = _cover(STOP_M / 2 - np.abs(run - STOP_M / 2), pixel_m)
-    stop *= (keep_right < 0) & (np.abs(v) < arm.junction.width_m / 2)
-    return np.maximum(line, stop)
+    if junction.centre_line:
+        dash = _cover(DASH_M / 2 - np.abs((run - STOP_M) % (DASH_M + GAP_M) - DASH_M / 2), pixel_m)
+        yield _cover(LINE_M / 2 - np.abs(v), pixel_m) * dash * (run > STOP_M), white
+    if junction.line is not MouthLine.NONE:
+        across = v * (arm.outwards[1] * arm.forwards[0] - arm.outwards[0] * arm.forwards[1])
+        half = (across > 0) if junction.left_hand else (across < 0)
+        half = half & (np.abs(v) < junction.width_m / 2)
+        bar = _cover(STOP_M / 2 - np.abs(run - STOP_M / 2), pixel_m) * half
+        if junction.line is MouthLine.GIVE_WAY:
+            bar = bar * _cover(TOOTH_M / 2 - np.abs(v % (TOOTH_M + TOOTH_GAP_M) - TOOTH_M / 2), pixel_m)
+        yield bar, white
 
 
 def _cover(inside_m: Array, soft_m: float) -> Array:

@@ -82,3 +82,38 @@ def test_a_side_road_may_have_another_surface():
 def test_a_junction_beyond_the_road_is_refused():
     with pytest.raises(ValidationError, match=r"junctions.0 lies at 200.0 m, beyond the road's 100.0 m"):
         plan_with(at_m=200)
+
+
+def test_the_edge_line_around_a_corner_follows_its_radius():
+    seen = plan_with(kind="intersection", radius_m=3, rim_line=True)
+    for away_m in (1.0, 2.0):
+        root_m = np.sqrt(9 - (3 - away_m) ** 2)
+        rim_m = 20 - 2.5 - 3 + root_m
+        part = slice(seen.column(rim_m + 0.08), seen.column(20))  # from the rim, beside the snow, to the axis
+        line = seen.x_m[part][seen.white()[seen.row(-HALF_M - 0.3 - away_m), part]]
+        assert line.mean() == pytest.approx(17.5 - 3 + np.sqrt(3.16**2 - (3 - away_m) ** 2), abs=0.04)
+
+
+def test_a_give_way_line_has_gaps_where_a_stop_line_is_whole():
+    row_m, columns = -HALF_M - 0.3 - 1.25, (17.8, 22.2)
+    shares = []
+    for line in ("stop", "give_way", "none"):
+        seen = plan_with(kind="intersection", mouth_line=line)
+        part = seen.white()[seen.row(row_m), seen.column(columns[0]) : seen.column(columns[1])]
+        shares.append(part.mean())
+    assert shares[0] == pytest.approx(0.5, abs=0.05)
+    assert shares[1] == pytest.approx(2 / 3 * shares[0], abs=0.05)
+    assert shares[2] == 0
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_left_hand_traffic_has_the_line_of_the_mouth_in_the_other_half(side):
+    sign = -1 if side == "right" else 1
+    edge_m = HALF_M + 0.3 + (3 if side == "left" else 0)
+    middles = []
+    for left_hand in (False, True):
+        seen = plan_with(kind="intersection", side=side, mouth_line="stop", left_hand=left_hand)
+        part = slice(seen.column(17.8), seen.column(22.2))
+        stop = seen.white()[seen.row(sign * (edge_m + 1.25)), part]
+        middles.append(float((seen.x_m[part][stop] - 20).mean()))
+    assert middles[0] == pytest.approx(-middles[1], abs=0.05) and abs(middles[0]) > 1
