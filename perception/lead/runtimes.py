@@ -15,6 +15,7 @@ from trepid.config import InputError
 from trepid.types import Floats, Image
 
 COLOURS = 3
+MOST_PX = 8192  # a side of the picture: one of floats then takes 0.8 GB
 _TYPES: Mapping[str, type[np.generic]] = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
@@ -103,6 +104,8 @@ def _input(path: Path, shape: list[Any], kind: type[np.generic]) -> Input:
     height, width = shape[2:] if channels_first else shape[1:3]
     if not all(isinstance(side, int) and side > 0 for side in (height, width)):
         raise InputError(f"{path}: {found}, pictures of any size: export it with a fixed one")
+    if max(width, height) > MOST_PX:
+        raise InputError(f"{path}: {found}, more than {MOST_PX} px a side: export it with a smaller picture")
     return Input(width, height, channels_first, kind)
 
 

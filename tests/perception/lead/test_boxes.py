@@ -101,6 +101,10 @@ REFUSED = {
         dict(shape=(1, 3, "h", "w")),
         "takes (1, 3, h, w), pictures of any size: export it with a fixed one",
     ),
+    "a picture larger than memory": (
+        dict(shape=(1, 3, 64_000, 64_000)),
+        "takes (1, 3, 64000, 64000), more than 8192 px a side: export it with a smaller picture",
+    ),
     "four bytes": (
         dict(kind=TensorProto.INT32),
         "kind tensor(int32), expected tensor(float), tensor(float16)",
