@@ -76,6 +76,7 @@ def _version_2(path: Path, faults: Faults, angle: str) -> Log:
     records = list(_catalog_records(path, catalogs, faults))
     if manifest.records is not None:
         _count_lost(f"{path / MANIFEST}:5", manifest.records, records, faults.rows - before, faults)
+    records = _without_repeats(records, faults)
     images = manifest.images or _image_inputs(records)
     root = (
         path / IMAGES if (path / IMAGES).is_dir() else path
@@ -102,6 +103,21 @@ def _count_lost(where: str, written: int, records: list[Record], unread: int, fa
             rows=lost,
             remedy="lost",
         )
+
+
+def _without_repeats(records: list[Record], faults: Faults) -> list[Record]:
+    """``records`` without those that an earlier catalog holds too, as in a copy of one; these are reported."""
+    first: dict[int, list[dict[str, Any]]] = {}
+    kept: list[Record] = []
+    repeats: list[Record] = []
+    for one in records:
+        _, number, record = one
+        same = first.setdefault(number, [])
+        (repeats if number >= 0 and record in same else kept).append(one)
+        same.append(record)
+    if repeats:
+        faults(f"{repeats[0][0]}: {len(repeats)} records from here on are read already", rows=len(repeats))
+    return kept
 
 
 def _image_inputs(records: list[Record]) -> list[str]:

@@ -173,6 +173,18 @@ def test_a_catalog_that_the_manifest_does_not_list_is_named_and_read_in_its_plac
     assert "catalog_1.catalog: is not in the manifest; read" in capsys.readouterr().err
 
 
+def test_the_records_of_a_copied_catalog_count_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tub = divided_tub(tmp_path / "tub")
+    before, _ = read(tub)
+    (tub / "catalog_3.catalog").write_bytes((tub / "catalog_1.catalog").read_bytes())
+    log, faults = read(tub)
+    assert (log.image, log.t_s.tolist()) == (before.image, before.t_s.tolist())
+    assert faults.rows == 10
+    assert "catalog_3.catalog:1: 10 records from here on are read already" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("folder", ["/home/pi/mycar/data/", "C:\\Users\\me\\mycar\\data\\", "data\\"])
 def test_paths_of_the_machine_of_the_drive_lead_to_the_files_of_their_names(
     tmp_path: Path, folder: str, capsys: pytest.CaptureFixture[str]
