@@ -88,7 +88,9 @@ def export(
         with recorded_car(drive.recorded):
             counts = _write_export(drive, work, kind, rate)
     if not drive.recorded.complete:
-        warn("trepid export: the recording is cut short; exported up to its last whole chunk")
+        warn(
+            "trepid export: the recording is cut short or corrupted; exported up to the last whole chunk before"
+        )
     for key, count in drive.impossible.items():
         warn(f"trepid export: {key}: {count} messages with an impossible capture time give no frame")
     summary = {

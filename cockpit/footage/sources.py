@@ -1,12 +1,12 @@
 """Image sources: images, folders of images, videos, recordings, read as frames in order."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,14 @@ from trepid.config import InputError
 from trepid.images.containers import loss_of
 from trepid.images.files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
 from trepid.images.video import spread_images, video_frames, video_rate_hz
+from trepid.loudness import warn
 from trepid.recording.images import RecordedImages, decode_image, recorded_car, recorded_images
 from trepid.recording.reader import RecordingContent, read_head
-from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
+from trepid.recording.scan import CUT_SHORT, Damage, images_in_words, leave_out
 from trepid.types import Image
+
+if TYPE_CHECKING:
+    from vehicle.cameras.playback import UndecodedFrame
 
 RECORDING_SUFFIX = ".mcap"
 FILM_SUFFIXES = VIDEO_SUFFIXES | {RECORDING_SUFFIX}
@@ -26,8 +30,8 @@ RATED_IMAGES = 100  # of a recording, whose stamps give its frame rate
 
 
 def is_recording(path: Path) -> bool:
-    """True for the name of a recording."""
-    return path.suffix.lower() == RECORDING_SUFFIX
+    """True for a recording of Trepid. Raises InputError for a file of this name that is no MCAP."""
+    return path.suffix.lower() == RECORDING_SUFFIX and path.is_file() and recorded_images(path) is not None
 
 
 class SourceImage(NamedTuple):
@@ -45,6 +49,18 @@ Refused = Callable[[InputError], None]
 
 def _raise_error(error: InputError) -> None:
     raise error
+
+
+def _reporting(path: Path, refused: Refused) -> Damage:
+    """Reports corrupted parts of a recording to ``refused``; a lost end, as crashes leave it, is only warned of."""
+
+    def report(what: str, images: int) -> None:
+        if what == CUT_SHORT:
+            warn(f"trepid: {path}: {what}")
+        else:
+            refused(InputError(f"{path}: {images_in_words(what, images)}"))
+
+    return report
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +123,12 @@ class Footage:
         return bool(self.head.notes)
 
     def shots(self, refused: Refused = _raise_error) -> Iterator[SourceImage]:
-        """The images by their capture times. ``refused`` gets the error of an image that cannot be decoded."""
-        for number, (_, message) in enumerate(self.images.messages()):
+        """The images by their capture times.
+
+        ``refused`` gets the errors of images that cannot be decoded, and of corrupted parts of the file; images in
+        these have no number.
+        """
+        for number, (_, message) in enumerate(self.images.messages(_reporting(self.path, refused))):
             image = decode_image(message)
             if image is None:
                 refused(InputError(f"{self.path}: the image of {message.t_s:.3f} s cannot be decoded"))
@@ -118,7 +138,8 @@ class Footage:
     def sample(self, count: int) -> list[Image]:
         """Up to ``count`` images spread over the recording, for calibration; undecodable ones are left out."""
         wanted = set(np.linspace(0, self.images.count() - 1, count).astype(int).tolist())
-        chosen = (message for place, (_, message) in enumerate(self.images.messages()) if place in wanted)
+        messages = enumerate(self.images.messages(leave_out))
+        chosen = (message for place, (_, message) in messages if place in wanted)
         found = [image for message in chosen if (image := decode_image(message)) is not None]
         if not found:
             raise InputError(f"{self.path}: no image of this recording can be decoded")
@@ -151,7 +172,32 @@ class Clip:
         return spread_images(self.path, count)
 
 
-Source = Still | Stills | Clip | Footage
+@dataclass(frozen=True, slots=True)
+class ForeignFootage:
+    """The images on one topic of an MCAP file of other software, whose frames are tracked."""
+
+    path: Path
+    fps: float
+    begin: Callable[[Damage], Iterator["UndecodedFrame"]]
+
+    def shots(self, refused: Refused = _raise_error) -> Iterator[SourceImage]:
+        """The images by their stamps. ``refused`` gets the same errors as that of :meth:`Footage.shots`."""
+        for number, frame in enumerate(self.begin(_reporting(self.path, refused))):
+            try:
+                image = frame.decode()
+            except InputError as error:
+                refused(error)
+            else:
+                yield SourceImage(self.path, number, frame.t_s, image)
+
+    def sample(self, count: int) -> list[Image]:
+        """Up to ``count`` images spread over the file, for calibration; undecodable ones are left out."""
+        last = sum(1 for _ in self.begin(leave_out)) - 1
+        wanted = set(np.linspace(0, last, count).astype(int).tolist())
+        return [shot.image for shot in self.shots(lambda _: None) if shot.number in wanted]
+
+
+Source = Still | Stills | Clip | Footage | ForeignFootage
 
 
 def settings_of(source: Source) -> AbstractContextManager[None]:
@@ -178,24 +224,36 @@ def sources(path: Path, *, drive_fps: float | None = None) -> list[Source]:
         return [Clip(path, video_rate_hz(path))]
     if suffix in IMAGE_SUFFIXES:
         return [Still(path)]
-    if is_recording(path):
+    if suffix == RECORDING_SUFFIX:
         return [_footage(path)]
     known = " ".join(sorted(IMAGE_SUFFIXES | FILM_SUFFIXES))
     raise InputError(f"{path}: unknown kind of file; known: {known}")
 
 
-def _footage(path: Path) -> Footage:
+def _footage(path: Path) -> Footage | ForeignFootage:
     images = recorded_images(path)
     if images is None:
-        keys = f"{CAMERA_IMAGE.key} and {CAMERA_COMPRESSED.key}"
-        raise InputError(f"{path}: holds no image of a camera: nothing on {keys}")
-    return Footage(images, read_head(path), _usual_fps(images))
+        return _foreign_footage(path)
+    return Footage(images, read_head(path), _usual_fps(message.t_s for _, message in images.messages()))
 
 
-def _usual_fps(images: RecordedImages) -> float:
+def _foreign_footage(path: Path) -> ForeignFootage:
+    from vehicle.cameras.files import image_topics, mcap_images  # for files of other software only
+
+    topics = list(image_topics(path))
+    if len(topics) > 1:
+        keep = f"mcap filter {path.name} --include-topic-regex {topics[0]} --output one.mcap"
+        raise InputError(f"{path}: holds images on {', '.join(topics)}; keep one of these topics: {keep}")
+    begin = mcap_images(path, topics[0])
+    stamps_s = [frame.t_s for frame in islice(begin(leave_out), RATED_IMAGES)]
+    if not stamps_s:
+        raise InputError(f"{path}: {topics[0]}: holds no image")
+    return ForeignFootage(path, _usual_fps(stamps_s), begin)
+
+
+def _usual_fps(stamps_s: Iterable[float]) -> float:
     """1 / the median of the first positive intervals between captures; the nominal rate for one image."""
-    stamps_s = [message.t_s for _, message in islice(images.messages(), RATED_IMAGES)]
-    steps_s = np.diff(stamps_s)
+    steps_s = np.diff(list(islice(stamps_s, RATED_IMAGES)))
     steps_s = steps_s[steps_s > 0]
     return float(1 / np.median(steps_s)) if len(steps_s) else NOMINAL_FPS
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from trepid.clock import nanoseconds
 from trepid.config import InputError
+from trepid.loudness import warn
 from trepid.messages import Frame, Steps
 from trepid.recording.images import RecordedImages, decode_image, recorded_images
 from trepid.recording.notes import PERIOD, Times, number
@@ -67,6 +68,8 @@ class Tape:
         self.recorded: RecordingContent = read_recording(path, *READ)
         if not {DECISION.key, COMMAND.key} & self.recorded.messages.keys():
             raise InputError(f"{path}: holds no decision and no command: there is nothing to run again")
+        if not self.recorded.complete:
+            warn(f"trepid: {path}: cut short or corrupted; run again up to the last whole chunk before")
         self.notes = self.recorded.notes
         period_s = number(self.notes, PERIOD)
         self.is_lockstep = period_s is not None

@@ -36,6 +36,7 @@ from trepid.recording.interpolation import GAP_S, between
 from trepid.recording.notes import CRUISE
 from trepid.recording.notes import number as number_of
 from trepid.recording.reader import read_recording
+from trepid.recording.scan import leave_out
 from trepid.topics import VEHICLE_STATE
 from trepid.types import Array
 
@@ -154,7 +155,8 @@ def _states(
 ) -> tuple[StateOf, float | None]:
     """States of the vehicle, and the cruise speed [m/s] (None: that of the settings)."""
     if given is None and isinstance(source, Footage):
-        states = [state for _, state in read_recording(source.path, VEHICLE_STATE.key).of(VEHICLE_STATE)]
+        recorded = read_recording(source.path, VEHICLE_STATE.key, damage=leave_out)
+        states = [state for _, state in recorded.of(VEHICLE_STATE)]
         if not states:
             raise InputError(f"{source.path}: holds no {VEHICLE_STATE.key}; give --speed or --speeds")
         return RecordedStates(states), number_of(source.head.notes, CRUISE)

@@ -11,6 +11,7 @@ from trepid.images.files import decoded_image
 from trepid.messages import CompressedFrame, Frame
 from trepid.recording.foreign import messages_of, types_of
 from trepid.recording.reader import RecordingContent
+from trepid.recording.scan import Damage, leave_out
 from trepid.recording.writer import CAR_FILES
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, Topic
 from trepid.types import Image
@@ -26,9 +27,12 @@ class RecordedImages:
     path: Path
     topic: ImageTopic
 
-    def messages(self) -> Iterator[tuple[float, Frame | CompressedFrame]]:
-        """Arrival [s] and message in the order of the file; those that were malformed on the bus are left out."""
-        for at_s, data in messages_of(self.path, f"/{self.topic.key}"):
+    def messages(self, damage: Damage | None = None) -> Iterator[tuple[float, Frame | CompressedFrame]]:
+        """Arrival [s] and message in the order of the file; those that were malformed on the bus are left out.
+
+        Without ``damage`` the first corrupted chunk is the end; with it, these are left out and reported.
+        """
+        for at_s, data in messages_of(self.path, f"/{self.topic.key}", damage=damage):
             try:
                 message: Frame | CompressedFrame = from_cdr(data, self.topic.type)
             except WireError:
@@ -36,8 +40,8 @@ class RecordedImages:
             yield at_s, message
 
     def count(self) -> int:
-        """Number of messages, malformed ones included."""
-        return sum(1 for _ in messages_of(self.path, f"/{self.topic.key}"))
+        """Number of messages in whole chunks, malformed ones included."""
+        return sum(1 for _ in messages_of(self.path, f"/{self.topic.key}", damage=leave_out))
 
 
 def recorded_images(path: Path) -> RecordedImages | None:

@@ -66,6 +66,11 @@ CUT_SHORT = "the file is cut short, or nothing in it can be read from here on"
 """What is lost at the end of a file, as a crash of its writer leaves it."""
 
 
+def images_in_words(what: str, images: int) -> str:
+    """``what`` is lost, a :data:`Damage` to a topic with images, and how many of them."""
+    return f"{what}, {images} images among them" if images else what
+
+
 def leave_out(_what: str, _messages: int) -> None:
     """A :data:`Damage` for what an earlier reading of the file has reported."""
 

@@ -1,7 +1,7 @@
 """Recorded frames in files: videos, folders of images, and MCAP files of Trepid or of other software."""
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import count, islice
 from pathlib import Path
@@ -89,13 +89,9 @@ class McapFile(Playback):
 
     def __init__(self, settings: McapSettings, drive: SourceContext) -> None:
         path = recording_path(settings.path)
-        topics = {topic: name for topic, name in types_of(path).items() if name in TYPES}
-        topic = _choose_topic(settings.topic, topics, path)
+        topic = _choose_topic(settings.topic, image_topics(path), path)
         self._path, self._damages = path, set[str]()
-        has_stamps = _probe_images(path, topic, topics[topic])
-        begin = partial(
-            mcap_shots, path, topic, topics[topic], has_stamps=has_stamps, damage=self._report_damage
-        )
+        begin = partial(mcap_images(path, topic), self._report_damage)
         try:
             super().__init__(begin, now_s=drive.now_s, pace=settings.pace, loop=settings.loop)
         except InputError as error:
@@ -109,6 +105,22 @@ class McapFile(Playback):
         if what not in self._damages:  # as when the file is played again
             self._damages.add(what)
             warn(f"trepid: {self._path}: {what}")
+
+
+def image_topics(path: Path) -> dict[str, str]:
+    """ROS 2 type by topic, of the topics with images. Raises InputError without any."""
+    topics = {topic: name for topic, name in types_of(path).items() if name in TYPES}
+    if not topics:
+        images = f"no topic with {' or '.join(TYPES)} in CDR, as ROS 2 records them"
+        raise InputError(f"{path}: holds {images}, but {topics_in_words(path)}")
+    return topics
+
+
+def mcap_images(path: Path, topic: str) -> Callable[[Damage], Iterator[UndecodedFrame]]:
+    """What begins the images of ``topic``, as :class:`McapFile` plays them. Raises InputError as it does."""
+    ros_type = image_topics(path)[topic]
+    has_stamps = _probe_images(path, topic, ros_type)
+    return lambda damage: mcap_shots(path, topic, ros_type, has_stamps=has_stamps, damage=damage)
 
 
 def _probe_images(path: Path, topic: str, ros_type: str) -> bool:
@@ -138,9 +150,6 @@ def _probe_images(path: Path, topic: str, ros_type: str) -> bool:
 
 
 def _choose_topic(wanted: str | None, topics: dict[str, str], path: Path) -> str:
-    if not topics:
-        images = f"no topic with {' or '.join(TYPES)} in CDR, as ROS 2 records them"
-        raise InputError(f"{path}: holds {images}, but {topics_in_words(path)}")
     if wanted is None:
         if len(topics) > 1:
             raise InputError(

@@ -11,7 +11,7 @@ from trepid.config import InputError
 from trepid.recording.foreign import topics_in_words, types_of
 from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
-from trepid.recording.scan import CUT_SHORT, leave_out
+from trepid.recording.scan import CUT_SHORT, images_in_words, leave_out
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, VEHICLE_STATE, estimate_topic
 from trepid.types import Column
 from vehicle.cameras.files import mcap_shots
@@ -44,7 +44,7 @@ def read_drive(path: Path, faults: Faults, *, labels_of: str | None = None) -> L
         what = "image of a camera" if not len(t_s) else "vehicle state: it holds no steering to learn from"
         raise InputError(f"{path}: no {what}")
     for what, images in lost.items():
-        faults(f"{path}: {what}{f', {images} images among them' if images else ''}", rows=images)
+        faults(f"{path}: {images_in_words(what, images)}", rows=images)
     for key, count in recorded.malformed.items():
         faults(f"{path}: {count} messages of {key} are malformed")
     at_s = np.array(sorted(states))

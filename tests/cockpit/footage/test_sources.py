@@ -1,13 +1,15 @@
 """Images, folders of images and videos, read from files."""
 
+import re
 from pathlib import Path
 
 import cv2
+import foreign_ros_rig as foreign
 import numpy as np
 import pytest
 from video_rig import matroska
 
-from cockpit.footage.sources import Still, settings_of, sources
+from cockpit.footage.sources import Still, is_recording, settings_of, sources
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.files import NOMINAL_FPS
@@ -15,6 +17,7 @@ from trepid.messages import CompressedFrame, Frame
 from trepid.recording.writer import Recording
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
 from trepid.wire import to_cdr
+from vehicle.cameras.ros_images import IMAGE
 
 
 def cut(path: Path, share: float) -> Path:
@@ -143,8 +146,54 @@ def test_a_recording_brings_the_settings_of_its_car(tmp_path):
 
 
 def test_a_recording_without_images_is_refused_in_one_line(tmp_path):
-    with pytest.raises(InputError, match="holds no image of a camera"):
+    with pytest.raises(InputError, match=r"holds no topic with .*, but no topic"):
         sources(record_messages(tmp_path / "empty.mcap", notes={}))
+
+
+def test_a_corrupted_part_of_a_recording_is_named_and_the_images_behind_it_are_read(tmp_path, capsys):
+    noise = np.random.default_rng(4).integers(0, 256, (5, 60, 80, 3), np.uint8)
+    frames = [(10.0 + n, Frame(t_s=10.0 + n, image=noise[n])) for n in range(5)]
+    path = record_messages(tmp_path / "drive.mcap", *frames, notes={})
+    data = bytearray(path.read_bytes())
+    data[data.index(noise[2, 0, :8].tobytes())] ^= 0xFF
+    path.write_bytes(data)
+    (source,) = sources(path)
+    refused = []
+    assert [shot.t_s for shot in source.shots(refused.append)] == [10.0, 11.0, 13.0, 14.0]
+    assert re.search(r"bytes from byte \d+ on are corrupted.*, 1 images among them", str(*refused))
+    with pytest.raises(InputError, match="are corrupted"):
+        list(source.shots())
+    assert len(source.sample(5)) == 4
+    path.write_bytes(data[: len(data) * 9 // 10])
+    assert [shot.t_s for shot in sources(path)[0].shots(refused.append)] == [10.0, 11.0, 13.0]
+    assert "the file is cut short" in capsys.readouterr().err
+
+
+def test_the_images_of_other_software_are_read_by_the_stamps_of_their_headers(tmp_path):
+    pictures = [photo(50 * n) for n in range(4)]
+    stamps_ns = [10**9 * (7 + 2 * n) for n in range(4)]
+    messages = [
+        (number, foreign.image(picture, "bgr8", stamp_ns=stamp_ns))
+        for number, (picture, stamp_ns) in enumerate(zip(pictures, stamps_ns, strict=True))
+    ]
+    path = foreign.bag(tmp_path / "one", {"/usb_cam/image_raw": (IMAGE, messages)})
+    (source,) = sources(path)
+    shots = list(source.shots())
+    assert [shot.t_s for shot in shots] == [7.0, 9.0, 11.0, 13.0] and source.fps == 0.5
+    assert all(np.array_equal(shot.image, picture) for shot, picture in zip(shots, pictures, strict=True))
+    assert len(source.sample(2)) == 2
+    assert not is_recording(path)
+
+
+def test_a_recording_of_two_cameras_is_refused_with_the_way_to_one(tmp_path):
+    topics = {
+        f"/{side}/image": (IMAGE, [(1, foreign.image(photo(90), "bgr8"))]) for side in ("left", "right")
+    }
+    path = foreign.bag(tmp_path / "two", topics)
+    with pytest.raises(
+        InputError, match=r"holds images on /left/image, /right/image; keep one .*mcap filter"
+    ):
+        sources(path)
 
 
 def test_the_frames_of_a_video_have_the_stamps_of_the_file(tmp_path):
