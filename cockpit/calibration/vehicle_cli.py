@@ -175,7 +175,7 @@ def _renaming(text: str) -> tuple[str, str]:
 def _readable(parameter: "Parameter") -> str:
     """The value in degrees where its unit is in radians; else the unit."""
     if parameter.unit == "rad/(m/s²)":
-        return f"= {math.degrees(parameter.value * GRAVITY_MPS2):.2f} deg/g"
+        return f"= {math.degrees(parameter.value * GRAVITY_MPS2):z.2f} deg/g"
     if parameter.unit in {"rad", "rad/s"}:
-        return f"= {math.degrees(parameter.value):.3f} {parameter.unit.replace('rad', 'deg')}"
+        return f"= {math.degrees(parameter.value):z.3f} {parameter.unit.replace('rad', 'deg')}"
     return parameter.unit

@@ -116,7 +116,7 @@ def _points(line: Iterable[Iterable[float]], scale: Any) -> Any:
 def _draw_stamp(canvas: Image, drive: Drive, at_s: float, age_s: float) -> Image:
     """A copy with the time, the speed and, where the image is old, its age."""
     state, copy = drive.newest(VEHICLE_STATE, at_s), canvas.copy()
-    speed = "-" if state is None or state.speed_mps is None else f"{state.speed_mps:.1f} m/s"
+    speed = "-" if state is None or state.speed_mps is None else f"{state.speed_mps:z.1f} m/s"
     old = f"   no image for {age_s:.1f} s" if age_s > STALE_S else ""
     unit = copy.shape[1] / 640
     label(copy, f"{at_s - drive.zero_s:.2f} s   {speed}{old}", (0, copy.shape[0]), 0.42 * unit)

@@ -194,7 +194,7 @@ class Scene:
             yield marker(t_s, "people", number, kind=CUBE, pose=pose, size=size, colour=PEOPLE, alpha=0.7)
             text, speed_mps = ahead_text(kind, max(x_m - nose_m, 0.0)), math.hypot(x_mps, y_mps)
             if math.isfinite(speed_mps):
-                text += f"  {speed_mps:.1f} m/s"
+                text += f"  {speed_mps:z.1f} m/s"
                 way = [
                     ros.point(x_m, y_m, high_m / 2),
                     ros.point(x_m + AHEAD_S * x_mps, y_m + AHEAD_S * y_mps, high_m / 2),

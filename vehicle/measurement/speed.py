@@ -90,9 +90,11 @@ class SpeedCheck:
         reason = self._step_reason(speed_mps, expected_mps, free=free, now_s=now_s)
         if not reason and not free:
             if speed_mps < -limits.reverse_mps:
-                reason = f"{speed_mps:.2f} m/s is backwards"
+                reason = f"{speed_mps:z.2f} m/s is backwards"
             elif changed_mps:
-                reason = f"stands at {speed_mps:.2f} m/s while the demands change it by {changed_mps:.2f} m/s"
+                reason = (
+                    f"stands at {speed_mps:z.2f} m/s while the demands change it by {changed_mps:z.2f} m/s"
+                )
             else:
                 reason = self._accel_reason(speed_mps, now_s)
         return reason
@@ -110,7 +112,7 @@ class SpeedCheck:
             before_mps = expected_mps
         most_mps = limits.tyre_accel_mps2 * gap_s + limits.step_mps + limits.step_share * abs(before_mps)
         if abs(speed_mps - before_mps) > most_mps:
-            return f"jumps from {before_mps:.2f} to {speed_mps:.2f} m/s"
+            return f"jumps from {before_mps:z.2f} to {speed_mps:z.2f} m/s"
         return ""
 
     def _accel_reason(self, speed_mps: float, now_s: float) -> str:

@@ -111,7 +111,7 @@ class WheelCheck:
             changed_rad = self._standing.step(angle_rad, self.commanded_rad, moving=moving, now_s=now_s)
             if not reason and changed_rad:
                 reason = (
-                    f"stands at {angle_rad:.4f} rad while the commands change it by {changed_rad:.4f} rad"
+                    f"stands at {angle_rad:z.4f} rad while the commands change it by {changed_rad:z.4f} rad"
                 )
             reason = reason or self._command_reason(angle_rad, yaw_rate_radps, speed_mps, now_s)
             reason = reason or self._slope_reason(angle_rad, yaw_rate_radps, speed_mps, dt_s)
@@ -133,7 +133,7 @@ class WheelCheck:
         period_s = gap_s + 0.01  # a report may be one period of the process older than it seems
         if abs(angle_rad - before_rad) <= self._rate_radps * period_s + self._limits.step_rad:
             return ""
-        return f"jumps from {before_rad:.3f} to {angle_rad:.3f} rad"
+        return f"jumps from {before_rad:z.3f} to {angle_rad:z.3f} rad"
 
     def _command_reason(
         self, angle_rad: float, yaw_rate_radps: float | None, speed_mps: float, now_s: float
@@ -154,7 +154,7 @@ class WheelCheck:
         off_measured, off_commanded = (abs(yaw_rate_radps - rate) for rate in turned)
         if off_measured <= off_commanded + self._noise_radps:
             return ""
-        return f"{angle_rad:.3f} rad is {beyond_rad:.3f} rad from all commands, and the car turns by the commands"
+        return f"{angle_rad:z.3f} rad is {beyond_rad:z.3f} rad from all commands, and the car turns by the commands"
 
     def _slope_reason(
         self, angle_rad: float, yaw_rate_radps: float | None, speed_mps: float, dt_s: float
@@ -225,8 +225,8 @@ class YawCheck:
         reason = ""
         if changed_radps:
             reason = (
-                f"stands at {yaw_rate_radps:.3f} rad/s while wheels and speed change it by"
-                f" {changed_radps:.3f} rad/s"
+                f"stands at {yaw_rate_radps:z.3f} rad/s while wheels and speed change it by"
+                f" {changed_radps:z.3f} rad/s"
             )
         reason = reason or self._level_reason(yaw_rate_radps, speed_mps, dt_s, moving=moving)
         reason = reason or self._step_reason(yaw_rate_radps, turned_radps, speed_mps)
@@ -248,7 +248,7 @@ class YawCheck:
         limits = self._limits
         if speed_mps <= self._standstill_mps:
             still = abs(yaw_rate_radps) <= limits.standing_radps
-            return "" if still else f"{yaw_rate_radps:.3f} rad/s of a standing car"
+            return "" if still else f"{yaw_rate_radps:z.3f} rad/s of a standing car"
         if not moving:
             return ""
         needed_rad = self._bicycle.wheel_rad(yaw_rate_radps, speed_mps)
@@ -267,8 +267,8 @@ class YawCheck:
             return ""
         low_rad, high_rad = self._wheels.ends or (math.nan, math.nan)
         return (
-            f"{yaw_rate_radps:.3f} rad/s at {speed_mps:.1f} m/s needs wheels at {needed_rad:.3f} rad, and they"
-            f" stand at {low_rad:.3f} to {high_rad:.3f} rad"
+            f"{yaw_rate_radps:z.3f} rad/s at {speed_mps:z.1f} m/s needs wheels at {needed_rad:z.3f} rad, and they"
+            f" stand at {low_rad:z.3f} to {high_rad:z.3f} rad"
         )
 
     def _learn_offset(self, beyond_rad: float, dt_s: float) -> None:
@@ -288,7 +288,7 @@ class YawCheck:
         allowed_radps = limits.step_radps + limits.step_rad * self._bicycle.per_rad(speed_mps)
         if abs(change_radps) <= allowed_radps:
             return ""
-        return f"{yaw_rate_radps:.3f} rad/s, and wheels and speed turn the car by {turned_radps:.3f} rad/s"
+        return f"{yaw_rate_radps:z.3f} rad/s, and wheels and speed turn the car by {turned_radps:z.3f} rad/s"
 
     def _slope_reason(
         self,
