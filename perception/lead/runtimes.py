@@ -102,10 +102,8 @@ def _input(path: Path, shape: list[Any], kind: type[np.generic]) -> Input:
         raise InputError(f"{path}: {found}, {shape[0]} pictures at a time: export it with a batch of 1")
     channels_first = shape[1] == COLOURS
     height, width = shape[2:] if channels_first else shape[1:3]
-    if not all(isinstance(side, int) and side > 0 for side in (height, width)):
-        raise InputError(f"{path}: {found}, pictures of any size: export it with a fixed one")
-    if max(width, height) > MOST_PX:
-        raise InputError(f"{path}: {found}, more than {MOST_PX} px a side: export it with a smaller picture")
+    if not all(isinstance(side, int) and 0 < side <= MOST_PX for side in (height, width)):
+        raise InputError(f"{path}: {found}: export it with a fixed size of at most {MOST_PX} px a side")
     return Input(width, height, channels_first, kind)
 
 

@@ -99,11 +99,11 @@ REFUSED = {
     ),
     "any size": (
         dict(shape=(1, 3, "h", "w")),
-        "takes (1, 3, h, w), pictures of any size: export it with a fixed one",
+        "takes (1, 3, h, w): export it with a fixed size",
     ),
     "a picture larger than memory": (
         dict(shape=(1, 3, 64_000, 64_000)),
-        "takes (1, 3, 64000, 64000), more than 8192 px a side: export it with a smaller picture",
+        "takes (1, 3, 64000, 64000): export it with a fixed size of at most 8192 px",
     ),
     "four bytes": (
         dict(kind=TensorProto.INT32),
