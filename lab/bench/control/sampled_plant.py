@@ -18,6 +18,7 @@ from sim_harness.world.plants.actuators import state_after
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
+from trepid.bounds import within
 from trepid.car.vehicle import Vehicle
 
 STEP_S = 0.1
@@ -45,10 +46,11 @@ class SampledPlant(KinematicPlant):
 
     def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
         """``state`` after ``h`` [s] with the lateral acceleration of the sample in which it begins."""
-        lateral_mps2 = self.yaw_rate_radps(state) * max(state.speed_mps, LEAST_MPS)
-        sample = float(math.floor(state.clock_s / STEP_S + 1e-6))
-        if not state.inner or sample != state.inner[1]:
-            lateral_mps2 += self._change_mps2(state, lateral_mps2, int(sample))
+        lateral_mps2, inner = self.yaw_rate_radps(state) * max(state.speed_mps, LEAST_MPS), state.inner
+        sample = math.floor(state.clock_s / STEP_S + 1e-6)
+        if not inner or sample != inner[1]:
+            inner = self._next_inner(state, lateral_mps2, sample)
+            lateral_mps2 = inner[0]
         end = self.actuators.after(state, accel_demand_mps2, h)
         turn_rad, way_m = lateral_mps2 / max(state.speed_mps, LEAST_MPS) * h, state.speed_mps * h
         middle_rad = state.yaw_rad + turn_rad / 2
@@ -57,10 +59,11 @@ class SampledPlant(KinematicPlant):
             state.y_m + way_m * math.sin(middle_rad),
             state.yaw_rad + turn_rad,
         )
-        return state_after(state, end, h, pose, inner=(lateral_mps2, sample))
+        return state_after(state, end, h, pose, inner=inner)
 
-    def _change_mps2(self, state: PlantState, lateral_mps2: float, sample: int) -> float:
+    def _next_inner(self, state: PlantState, lateral_mps2: float, sample: int) -> tuple[float, ...]:
+        """``inner`` of ``sample`` after the lateral acceleration of the one before."""
         angle_rad, speed_mps = self.actuators.at(state).tyre_angle_rad, state.speed_mps
         steady_mps2 = self.curvature_1pm(angle_rad, speed_mps) * speed_mps * speed_mps
         change_mps2 = self._share * (steady_mps2 - lateral_mps2) + self._noise_mps2[sample % STEPS]
-        return min(max(change_mps2, -LARGEST_STEP_MPS2), LARGEST_STEP_MPS2)
+        return lateral_mps2 + within(change_mps2, LARGEST_STEP_MPS2), float(sample)

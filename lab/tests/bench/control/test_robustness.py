@@ -54,10 +54,11 @@ def test_the_configured_law_keeps_its_lane_with_a_dead_time_that_nothing_declare
     assert drive(error.episodes[-1], shipped_settings()).worst_m < 0.3, error.name
 
 
-def test_the_summary_counts_departures_and_names_the_law_of_the_configuration(monkeypatch) -> None:
+def test_the_summary_counts_departures_and_names_the_law_of_the_configuration(monkeypatch, tmp_path) -> None:
     errors = list(errors_of_the_file(1))
     few = [errors[-1]._replace(episodes=errors[-1].episodes[:1])]
-    monkeypatch.setattr(robustness, "errors_of_the_file", lambda seed: few)
-    found = bench_robustness(1)
+    monkeypatch.setattr(robustness, "errors_of_the_file", lambda seed, learned: few)
+    found = bench_robustness(1, tmp_path)
     assert found["law of the configuration"] == "mpc" and found["drives of a law"] == 1
     assert found["departures"]["stanley"] == 1 and found["departures"]["mpc"] == 0
+    assert found["learned plant"].startswith("not driven: there is no models/tinyphysics.onnx")
