@@ -58,9 +58,10 @@ class TapeLane:
     """Estimator "tape". Its state is the last lane and the lines around it."""
 
     def __init__(self, settings: TapeSettings, line_m: float, camera: Camera, vehicle: Vehicle) -> None:
-        """``line_m``: width of the lines."""
-        self._settings, self._line_m, self._vehicle = settings, line_m, vehicle
-        self._raster = FloorRaster(camera, settings.floor, line_m)
+        """``line_m``: usual width of the lines."""
+        self._settings, self._vehicle = settings, vehicle
+        lines_m = tuple(sorted(line_m * width for width in settings.lane.widths))
+        self._raster = FloorRaster(camera, settings.floor, lines_m)
         self._memory = LineMemory(settings.memory)
         self._fit = CurveFit(settings.curve, REFERENCE_LANE_M, aside=settings.lane.aside)
         self._arcs = _arcs(settings)
@@ -75,7 +76,7 @@ class TapeLane:
         height_px, width_px = frame.image.shape[:2]
         if (self._raster.camera.width_px, self._raster.camera.height_px) != (width_px, height_px):
             camera = self._raster.camera.resize(width_px, height_px)
-            self._raster = FloorRaster(camera, self._settings.floor, self._line_m)
+            self._raster = FloorRaster(camera, self._settings.floor, self._raster.lines_m)
         if not self._raster.inside_image.any():
             return self._nothing(frame.t_s, "the image shows no floor")
         self._move(frame.t_s, VehicleMotion.of(state))

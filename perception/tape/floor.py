@@ -10,6 +10,9 @@ its Hessian that is larger in magnitude belongs to the direction across the line
 counts, the contrast to the more similar side, because it is zero at the edge of a patch of light and at a joint
 between two surfaces. Three planes of colour are searched: grey, yellow against blue, red against green.
 
+Lines of several widths are searched from the narrowest on. A narrow line is a ridge at the scale of a wide one too,
+so a wide one counts where no narrower one has been found.
+
 Steger, An unbiased detector of curvilinear structures, IEEE PAMI 20(2), 1998; the contrast is B02 of the review.
 """
 
@@ -88,7 +91,7 @@ class FloorRaster:
 
     camera: Camera  # of the input image, with its distortion
     settings: FloorSettings
-    line_m: float  # width of a line
+    lines_m: tuple[float, ...]  # widths of the lines, from narrow to wide
 
     @cached_property
     def x_m(self) -> Array:
@@ -125,24 +128,26 @@ class FloorRaster:
         return np.asarray(inside & (v > MARGIN_PX) & (v < self.camera.height_px - 1 - MARGIN_PX))
 
     @cached_property
-    def _searched_cells(self) -> Mask:
-        """Cells whose neighbours across a line are inside the image, too."""
-        size = 2 * round((ASIDE * self.line_m + self._sigma_m) / self.settings.cell_m) + 1
-        kernel = np.ones((size, size), np.uint8)
-        eroded = cv2.erode(
-            self.inside_image.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0
-        )
-        return np.asarray(eroded > 0)
+    def _searched_cells(self) -> tuple[Mask, ...]:
+        """For each width of a line the cells whose neighbours across it are inside the image, too."""
+        found = []
+        for line_m in self.lines_m:
+            size = 2 * round((ASIDE * line_m + self._sigma_m(line_m)) / self.settings.cell_m) + 1
+            kernel = np.ones((size, size), np.uint8)
+            eroded = cv2.erode(
+                self.inside_image.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0
+            )
+            found.append(np.asarray(eroded > 0))
+        return tuple(found)
 
     @cached_property
     def _maps(self) -> tuple[Floats, Floats]:
         pixels = self._pixels.astype(np.float32)
         return np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1])
 
-    @property
-    def _sigma_m(self) -> float:
+    def _sigma_m(self, line_m: float) -> float:
         """Standard deviation of the smoothing, at which a line of ``line_m`` is a ridge of the greatest λ·σ²."""
-        return max(self.line_m / np.sqrt(12), self.settings.cell_m)
+        return float(max(line_m / np.sqrt(12), self.settings.cell_m))
 
     def sees(self, x_m: Array, y_m: Array) -> Mask:
         """Whether the image shows the floor at each of the points (n,), shape (n,)."""
@@ -151,32 +156,56 @@ class FloorRaster:
         column = np.rint((y_m - self.y_m[0]) / cell_m).astype(int)
         inside = (row >= 0) & (row < len(self.x_m)) & (column >= 0) & (column < len(self.y_m))
         found = np.zeros(len(x_m), bool)
-        found[inside] = self._searched_cells[row[inside], column[inside]]
+        found[inside] = self._searched_cells[0][row[inside], column[inside]]
         return found
 
     def points(self, image: Image) -> TapePoints:
         """The middles of all lines in a BGR ``image``, at most ``most_points`` of them, spread evenly."""
         raster = cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        planes = _smooth_planes(np.asarray(raster, np.uint8), self._sigma_m / self.settings.cell_m)
-        ridges = _ridges(planes, self._searched_cells)
-        rows, columns = np.nonzero((ridges.strength > self.settings.least_sigmas) & self._searched_cells)
+        points, taken = NO_POINTS, np.zeros(self.inside_image.shape, bool)
+        for line_m, searched in zip(self.lines_m, self._searched_cells, strict=True):
+            rows, columns, across, contrast = self._middles(np.asarray(raster, np.uint8), line_m, searched)
+            free = ~taken[rows, columns]
+            points = points.plus(
+                TapePoints(
+                    self.x_m[rows],
+                    self.y_m[columns],
+                    np.asarray(np.angle(1j * across), float),
+                    contrast,
+                    np.zeros(len(rows)),
+                ).where(free)
+            )
+            if line_m != self.lines_m[-1]:
+                taken |= self._around(rows, columns, line_m)
+        every = max(1, -(-len(points.x_m) // self.settings.most_points))
+        return points.where(np.arange(len(points.x_m)) % every == 0)
+
+    def _middles(
+        self, raster: Image, line_m: float, searched: Mask
+    ) -> tuple[Indices, Indices, Complex, Array]:
+        """Rows, columns, unit vectors across and contrasts of the middles of lines of one width."""
+        planes = _smooth_planes(raster, self._sigma_m(line_m) / self.settings.cell_m)
+        ridges = _ridges(planes, searched)
+        rows, columns = np.nonzero((ridges.strength > self.settings.least_sigmas) & searched)
         across = ridges.across(rows, columns)
         crests = _are_crests(ridges.strength, rows, columns, across)
         rows, columns, across = rows[crests], columns[crests], across[crests]
-        contrast = self._contrast(planes, rows, columns, across)
-        found = np.flatnonzero(np.abs(contrast).max(axis=1, initial=0.0) > self.settings.least_grey)
-        some = found[:: max(1, -(-len(found) // self.settings.most_points))]
-        return TapePoints(
-            self.x_m[rows[some]],
-            self.y_m[columns[some]],
-            np.asarray(np.angle(1j * across[some]), float),
-            contrast[some],
-            np.zeros(len(some)),
-        )
+        contrast = self._contrast(planes, line_m, rows, columns, across)
+        found = np.abs(contrast).max(axis=1, initial=0.0) > self.settings.least_grey
+        return rows[found], columns[found], across[found], contrast[found]
 
-    def _contrast(self, planes: Floats, rows: Indices, columns: Indices, across: Complex) -> Array:
+    def _around(self, rows: Indices, columns: Indices, line_m: float) -> Mask:
+        """The cells within the width of a line of one of these."""
+        found = np.zeros(self.inside_image.shape, np.uint8)
+        found[rows, columns] = 1
+        size = 2 * round(line_m / self.settings.cell_m) + 1
+        return np.asarray(cv2.dilate(found, np.ones((size, size), np.uint8)) > 0)
+
+    def _contrast(
+        self, planes: Floats, line_m: float, rows: Indices, columns: Indices, across: Complex
+    ) -> Array:
         """Contrast of each plane at the cells (n,) to the more similar side; 0 where the sides lie around it."""
-        aside = ASIDE * self.line_m / self.settings.cell_m * across
+        aside = ASIDE * line_m / self.settings.cell_m * across
         here = planes[:, rows, columns]
         left, right = (
             _read(planes, rows + sign * aside.real, columns + sign * aside.imag) for sign in (1.0, -1.0)

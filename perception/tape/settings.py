@@ -29,6 +29,7 @@ class RoleSettings(Settings):
 
     lines: Lines
     yellow: YellowSide
+    widths: Annotated[tuple[Annotated[float, Field(ge=0.5, le=4)], ...], Field(min_length=1, max_length=3)]
 
     @property
     def aside(self) -> float:

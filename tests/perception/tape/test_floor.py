@@ -54,7 +54,7 @@ def strip(middle: complex, course_rad: float, length_m: float = 2.0, width_m: fl
     return np.column_stack([corners.real, corners.imag])
 
 
-RASTER = FloorRaster(CAMERA, SETTINGS.floor, LINE_M)
+RASTER = FloorRaster(CAMERA, SETTINGS.floor, (LINE_M,))
 
 
 @pytest.mark.parametrize("course_deg", [0, 30, 60, 90, 120, 150])
@@ -96,8 +96,28 @@ def test_the_edge_of_a_patch_of_light_is_no_line_but_at_its_corners() -> None:
     assert np.count_nonzero(apart > 0.6) <= 2
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_with_two_widths_a_wide_edge_is_found_and_a_narrow_line_counts_once(
+    sign: int,
+) -> None:
+    both = FloorRaster(CAMERA, SETTINGS.floor, (LINE_M, 2 * LINE_M))
+    wide, narrow = strip(5.5 - sign * 1.4j, 0.0, 4.0, 2 * LINE_M), strip(5.5 + sign * 1.4j, 0.0, 4.0)
+    image = floor_with((wide, (225, 225, 225)), (narrow, (62, 178, 226)))
+    found, alone = both.points(image), RASTER.points(image)
+    near, near_alone = (np.abs(one.x_m - 5.5) < 1.2 for one in (found, alone))
+    on_wide = near & (np.abs(found.y_m + sign * 1.4) < 0.15)
+    assert len(np.unique(np.rint(found.x_m[on_wide] / SETTINGS.floor.cell_m))) >= 24
+    beside, beside_alone = (
+        np.count_nonzero(part & (np.abs(one.y_m - sign * 1.4) < 2 * LINE_M))
+        for one, part in ((found, near), (alone, near_alone))
+    )
+    assert beside_alone >= 24 and beside <= 1.1 * beside_alone
+
+
 def test_a_bare_floor_has_no_line() -> None:
+    both = FloorRaster(CAMERA, SETTINGS.floor, (LINE_M, 2 * LINE_M))
     assert len(RASTER.points(floor_with(seed=3)).x_m) <= 3
+    assert len(both.points(floor_with(seed=3)).x_m) <= 5
 
 
 def test_lines_beside_the_image_are_remembered_and_move_with_the_car() -> None:
