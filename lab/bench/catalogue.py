@@ -162,6 +162,11 @@ BENCHMARKS = {
         "perception.tracks",
         "laps on small taped tracks: bends of 1.5 to 3 lane widths, ten tapes and floors; departures, speed",
     ),
+    "tiles": Benchmark(
+        "foreign.tiles",
+        "laps on photographed and drawn floor tiles of Duckietown, in a world of a plug-in: departures, speed",
+        pictured=False,
+    ),
     "hills": Benchmark(
         "perception.hills",
         "hills and banks: laps under supervision, lane 15 m ahead beside a flat road, stops behind crests",

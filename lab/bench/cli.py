@@ -56,13 +56,13 @@ def bench(
         str,
         typer.Option(
             help="perception: names, separated by commas; default: all. real: beside cv and cnn; also: all."
-            " tracks: instead of tape."
+            " tracks, tiles: instead of tape."
         ),
     ] = "",
     quick: Annotated[
         bool,
         typer.Option(
-            help="perception, real, imitation, fear-severity, sight, people, tracks, hills, junctions:"
+            help="perception, real, imitation, fear-severity, sight, people, tracks, tiles, hills, junctions:"
             " a part of it; fear-supervision: the supervised car alone."
         ),
     ] = False,
@@ -73,7 +73,8 @@ def bench(
         int | None,
         typer.Option(
             min=1,
-            help="perception, imitation, fear-severity, sight, within-sight, people, tracks, hills, junctions, "
+            help="perception, imitation, fear-severity, sight, within-sight, people, tracks, tiles, hills, "
+            "junctions, "
             "measured-faults, study-samplers, suite: processes; faults: drives; default: 1, suite 2.",
         ),
     ] = None,

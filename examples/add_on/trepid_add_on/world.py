@@ -74,19 +74,15 @@ class Ring:
         self._yaw_rad = bearing_rad + math.pi / 2
 
     def picture(self) -> Image:
-        """The floor seen by a camera without yaw and roll, by one homography; noise, and the sky above."""
+        """The floor seen by the camera, by one homography; noise, and the sky above."""
         camera = self._camera
-        sin, cos = math.sin(camera.pitch_down_rad), math.cos(camera.pitch_down_rad)
-        x_m, y_m, z_m = camera.x_m, camera.y_m, camera.height_m
-        lens = [[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]]
-        camera_from_car = [[0, -1, y_m], [-sin, 0, cos * z_m + sin * x_m], [cos, 0, sin * z_m - cos * x_m]]
         ahead, left = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
         x0_m, y0_m = self._x_m + self._half_m, self._y_m + self._half_m
         floor_from_car = [[ahead, -left, x0_m], [left, ahead, y0_m], [0, 0, PIXEL_M]]
-        picture_from_floor = np.array(lens) @ camera_from_car @ np.linalg.inv(floor_from_car)
+        picture_from_floor = camera.pixel_from_road_matrix @ np.linalg.inv(floor_from_car)
         size = (camera.width_px, camera.height_px)
         seen = cv2.warpPerspective(self._floor, picture_from_floor, size, borderValue=ASPHALT)
-        seen[: max(math.ceil(camera.cy_px - camera.fy_px * sin / cos), 0)] = SKY
+        seen[: max(math.ceil(camera.horizon_row_px), 0)] = SKY
         return np.clip(seen + self._random.normal(0.0, 4.0, seen.shape), 0, 255).astype(np.uint8)
 
     @property

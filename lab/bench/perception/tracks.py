@@ -84,7 +84,7 @@ def driven_row(lap: Lap) -> Row:
     with using_car(CONFIG_DIR / "cars" / CAR), tempfile.TemporaryDirectory() as folder:
         result = run(scenario_of(lap, Path(folder)), seed=lap.seed)
     metrics, trace = result.metrics, result.trace
-    engaged_percent, speed_mps = _since_start(trace)
+    engaged_percent, speed_mps = since_start(trace)
     return {
         "bend": lap.bend,
         "look": lap.look,
@@ -97,7 +97,7 @@ def driven_row(lap: Lap) -> Row:
     }
 
 
-def _since_start(trace: Trace) -> tuple[float, float]:
+def since_start(trace: Trace) -> tuple[float, float]:
     """Share of the time in a mode that drives [%], and mean speed [m/s], since the first such moment; 0 without."""
     drives = np.isin(
         trace["mode"], [code for code, word in enumerate(trace.words["mode"]) if word in DRIVING]
