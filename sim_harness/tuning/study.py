@@ -33,6 +33,7 @@ from sim_harness.tuning.populations import (
     DifferentialSampler,
     GeneticSampler,
     HarmonyBatSampler,
+    PopulationSampler,
     SwarmSampler,
 )
 from sim_harness.tuning.settings import Span
@@ -45,16 +46,22 @@ MOST_INVALID = 50  # candidates in a row before a worker gives up
 SCORE, INVALID, SESSION, START = "score", "invalid", "session", "start"  # user attributes of a trial
 Tell = Callable[[list[FrozenTrial]], None]
 """Called with all trials so far whenever one has finished."""
-SAMPLERS: Mapping[str, Callable[[int], BaseSampler]] = MappingProxyType(
+POPULATIONS: Mapping[str, Callable[[int], PopulationSampler]] = MappingProxyType(
     {
-        "tpe": lambda seed: TPESampler(seed=seed, multivariate=True, constant_liar=True),
-        "random": lambda seed: RandomSampler(seed=seed),
-        "cma-es": lambda seed: CmaEsSampler(seed=seed, warn_independent_sampling=False),
         "bat": lambda seed: BatSampler(seed=seed),
         "bat-harmony": lambda seed: HarmonyBatSampler(seed=seed),
         "pso": lambda seed: SwarmSampler(seed=seed),
         "de": lambda seed: DifferentialSampler(seed=seed),
         "ga": lambda seed: GeneticSampler(seed=seed),
+    }
+)
+"""Name of a population -> its sampler for a seed."""
+SAMPLERS: Mapping[str, Callable[[int], BaseSampler]] = MappingProxyType(
+    {
+        "tpe": lambda seed: TPESampler(seed=seed, multivariate=True, constant_liar=True),
+        "random": lambda seed: RandomSampler(seed=seed),
+        "cma-es": lambda seed: CmaEsSampler(seed=seed, warn_independent_sampling=False),
+        **POPULATIONS,
     }
 )
 """Name of a sampler -> the sampler for a seed."""

@@ -13,7 +13,6 @@ and goes on from its best by Adam. Weights and structure at once: one number mor
 there, and each unit costs UNIT_COST. The frames are those of :mod:`lab.bench.study.passages`.
 """
 
-from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import cv2
@@ -22,14 +21,8 @@ from numpy.typing import NDArray
 
 from lab.bench.study.passages import every_nth, mean_row, passages, straight_deg
 from learning.training.frames import Frames
-from sim_harness.tuning.populations import (
-    BatSampler,
-    DifferentialSampler,
-    GeneticSampler,
-    HarmonyBatSampler,
-    PopulationSampler,
-    SwarmSampler,
-)
+from sim_harness.tuning.populations import PopulationSampler
+from sim_harness.tuning.study import POPULATIONS
 
 Row = dict[str, Any]
 Point = NDArray[np.float64]
@@ -42,13 +35,6 @@ EVERY = 4  # frame
 OF_GRADIENT = 3  # evaluations of a step
 RATE, DECAYS, EPSILON = 0.03, (0.9, 0.999), 1e-8  # of Adam (Kingma and Ba, 2015)
 DESCENT_RATE = 0.1
-POPULATIONS: Mapping[str, Callable[[int], PopulationSampler]] = {
-    "bat": lambda seed: BatSampler(seed=seed),
-    "bat-harmony": lambda seed: HarmonyBatSampler(seed=seed),
-    "pso": lambda seed: SwarmSampler(seed=seed),
-    "de": lambda seed: DifferentialSampler(seed=seed),
-    "ga": lambda seed: GeneticSampler(seed=seed),
-}
 
 
 class Cells(NamedTuple):

@@ -7,6 +7,7 @@ import numpy as np
 import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
+from plant_step_rig import step_response_mps2
 
 from lab.bench.control.contestants import nominal
 from lab.bench.control.learned_plant import CONTEXT, VALUES_MPS2, LearnedPlant
@@ -14,7 +15,6 @@ from lab.bench.control.robustness import errors_of_the_file
 from lab.bench.control.sampled_plant import STEP_S
 from sim_harness.world.plants.settings import PlantSettings
 from trepid.config import InputError
-from trepid.messages import Command
 
 KEPT, PER_COMMAND_MPS2, SIGMA_MPS2 = 0.6, 3.0, 0.01
 SPEED_MPS = 20.0
@@ -65,12 +65,7 @@ def lateral_mps2(network: Path, angle_rad: float, *, steps: int = 200, seed: int
     known = nominal().model_copy(update=dict(steering_delay_s=0.0, steering_lag_s=0.0))
     known = known.model_copy(update=dict(max_road_wheel_rate_radps=100.0))
     plant = LearnedPlant(known, PlantSettings(), path=network, seed=seed)
-    state, found = plant.initial(speed_mps=SPEED_MPS), []
-    command = Command(t_s=0.0, road_wheel_angle_rad=angle_rad, speed_mps=SPEED_MPS, accel_mps2=0.0)
-    for _ in range(steps):
-        state = plant.step(state, command, 0.01)
-        found.append(plant.yaw_rate_radps(state) * SPEED_MPS)
-    return found
+    return step_response_mps2(plant, angle_rad, speed_mps=SPEED_MPS, steps=steps)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from plant_step_rig import step_response_mps2
 
 from lab.bench.control import robustness
 from lab.bench.control.contestants import nominal, shipped_settings
@@ -12,7 +13,6 @@ from lab.bench.control.episode import drive
 from lab.bench.control.robustness import bench_robustness, errors_of_the_file
 from lab.bench.control.sampled_plant import LARGEST_STEP_MPS2, STEP_S, SampledPlant
 from sim_harness.world.plants.settings import PlantSettings
-from trepid.messages import Command
 
 LAG_S, SPEED_MPS = 0.3, 10.0
 
@@ -22,12 +22,7 @@ def lateral_mps2(angle_rad: float, *, noise_mps2: float = 0.0, steps: int = 100)
     known = nominal().model_copy(update=dict(steering_delay_s=0.0, steering_lag_s=0.0))
     known = known.model_copy(update=dict(max_road_wheel_rate_radps=100.0))
     plant = SampledPlant(known, PlantSettings(), lag_s=LAG_S, noise_mps2=noise_mps2, seed=4)
-    state, found = plant.initial(speed_mps=SPEED_MPS), []
-    command = Command(t_s=0.0, road_wheel_angle_rad=angle_rad, speed_mps=SPEED_MPS, accel_mps2=0.0)
-    for _ in range(steps):
-        state = plant.step(state, command, 0.01)
-        found.append(plant.yaw_rate_radps(state) * SPEED_MPS)
-    return found
+    return step_response_mps2(plant, angle_rad, speed_mps=SPEED_MPS, steps=steps)
 
 
 def test_without_noise_the_lateral_acceleration_approaches_that_of_the_wheels_by_its_lag() -> None:
