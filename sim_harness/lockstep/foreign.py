@@ -7,7 +7,7 @@ simulator. Entry points of the group ``trepid.worlds`` name worlds; a scenario c
 
 import inspect
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
@@ -79,15 +79,12 @@ class CheckedWorld:
         make = plugins.part(plugins.Group.WORLDS, choice.model, {})
         _check_options(make, choice)
         with plugins.beginning(plugins.Group.WORLDS, choice.model):
-            self.world: World = make(camera, vehicle, seed=seed, **choice.options)
+            self._world: World = make(camera, vehicle, seed=seed, **choice.options)
         self._shape = (camera.height_px, camera.width_px, 3)
 
     def state(self) -> WorldState:
         """The present state."""
-        try:
-            found = self.world.state()
-        except Exception as error:  # the code of another package
-            raise self._fault("state()", error) from error
+        found = self._ask("state")
         for one in fields(found):
             value = getattr(found, one.name)
             if isinstance(value, float) and not math.isfinite(value):
@@ -96,14 +93,14 @@ class CheckedWorld:
 
     def curvature_at(self, ahead_m: float) -> float:
         """See :meth:`World.curvature_at`."""
-        return self.world.curvature_at(ahead_m)
+        found = self._ask("curvature_at", ahead_m, of=float)
+        if not math.isfinite(found):
+            raise InputError(f"world {self.name!r}: curvature_at({ahead_m:g}) is {found}")
+        return found
 
     def picture(self) -> Image:
         """The present picture."""
-        try:
-            image = np.asarray(self.world.picture())
-        except Exception as error:  # the code of another package
-            raise self._fault("picture()", error) from error
+        image = self._ask("picture", of=np.asarray)
         if image.shape != self._shape or image.dtype != np.uint8:
             raise InputError(
                 f"world {self.name!r}: picture() is {image.dtype} of shape {image.shape}; camera.yaml has uint8 of"
@@ -113,13 +110,19 @@ class CheckedWorld:
 
     def advance(self, command: Command, period_s: float) -> None:
         """See :meth:`World.advance`."""
-        try:
-            self.world.advance(command, period_s)
-        except Exception as error:  # the code of another package
-            raise self._fault("advance()", error) from error
+        self._ask("advance", command, period_s)
 
-    def _fault(self, where: str, error: Exception) -> InputError:
-        return InputError(f"world {self.name!r}: {where}: {type(error).__name__}: {error}")
+    def recentre(self) -> None:
+        """See :meth:`World.recentre`."""
+        self._ask("recentre")
+
+    def _ask(self, method: str, *given: object, of: Callable[[Any], Any] | None = None) -> Any:
+        """What a method of the world returns, converted by ``of``."""
+        try:
+            found = getattr(self._world, method)(*given)
+            return found if of is None else of(found)
+        except Exception as error:  # the code of another package
+            raise InputError(f"world {self.name!r}: {method}(): {type(error).__name__}: {error}") from error
 
 
 def _check_options(make: Any, choice: WorldChoice) -> None:
@@ -231,7 +234,7 @@ class WorldVehicle:
         self._departures += departed
         if departed or abs(self._state.lateral_offset_m) > self._settings.max_offset_m:
             self._interventions += 1
-            self._world.world.recentre()
+            self._world.recentre()
             self._state = self._world.state()
             self.sensors.restart()
 

@@ -46,9 +46,20 @@ class Lost(Ring):
         import dataclasses
         return dataclasses.replace(super().state(), lateral_offset_m=float("nan"))
 
+class Endless(Ring):
+    def curvature_at(self, ahead_m): return float("inf")
+
+class Mute(Ring):
+    def curvature_at(self, ahead_m): return None
+
+class Nailed(Stuck):
+    def recentre(self): raise RuntimeError("nailed down")
+
 class Absent(Ring):
     def __init__(self, camera, vehicle, *, seed): raise OSError("no licence")
 """
+
+BROKEN_NAMES = ("blind", "stuck", "lost", "endless", "mute", "nailed", "absent")
 
 
 @pytest.fixture(autouse=True)
@@ -57,7 +68,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     (tmp_path / "broken_worlds.py").write_text(BROKEN)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.syspath_prepend(ROOT / "examples" / "add_on")
-    broken = {name: f"broken_worlds:{name.title()}" for name in ("blind", "stuck", "lost", "absent")}
+    broken = {name: f"broken_worlds:{name.title()}" for name in BROKEN_NAMES}
     points = [
         EntryPoint(n, v, Group.WORLDS) for n, v in {"ring": "trepid_add_on.world:Ring", **broken}.items()
     ]
@@ -136,6 +147,12 @@ def test_a_car_that_leaves_the_lane_is_put_back_and_every_excursion_counts_once(
             r"world 'blind': picture\(\) is uint8 of shape \(100, 320, 3\); camera.yaml",
         ),
         ({"world": "{model: lost}"}, r"world 'lost': state\(\): lateral_offset_m is nan"),
+        ({"world": "{model: endless}"}, r"world 'endless': curvature_at\(0\) is inf"),
+        ({"world": "{model: mute}"}, r"world 'mute': curvature_at\(\): TypeError: "),
+        (
+            {"world": "{model: nailed}", "sight": "truth", "duration_s": 12},
+            r"world 'nailed': recentre\(\): RuntimeError: nailed down",
+        ),
         ({"world": "{model: absent}"}, r"trepid.worlds 'absent': cannot begin: OSError: no licence"),
         ({"road": "circuit"}, r"road: belongs to the simulated road; the world 'ring' has its own"),
         ({"start": "{speed_mps: 5}"}, r"start: belongs to the simulated road"),
