@@ -9,7 +9,7 @@ import pytest
 
 from perception.estimators import entry_of
 from perception.tape.estimator import TapeLane
-from perception.tape.settings import Lines, RoleSettings, TapeSettings, YellowSide
+from perception.tape.settings import Lines, TapeSettings, YellowSide
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.road import Road, RoadSettings
 from sim_harness.world.tracks import LOOKS, taped_track
@@ -154,7 +154,7 @@ YELLOW: dict[str, object] = {**WHITE, "paint": "yellow"}
 
 def test_a_single_line_is_followed_where_the_user_says_so() -> None:
     camera, vehicle, settings = large_world()
-    middle = settings.model_copy(update={"lane": RoleSettings(lines=Lines.MIDDLE, yellow=YellowSide.ANY)})
+    middle = settings.model_copy(update={"lane": settings.lane.model_copy(update={"lines": Lines.MIDDLE})})
     section = {"left": NONE, "right": NONE, "middle": WHITE}
     found = still(camera, vehicle, middle, section)
     assert offset_m(found) == pytest.approx(0.25, abs=0.1) and found.confidence > 0.5
@@ -166,7 +166,9 @@ def test_a_single_line_is_followed_where_the_user_says_so() -> None:
 def test_a_yellow_line_bounds_the_lane_on_its_side_alone() -> None:
     """The car stands in the left half of a road; the lane is the right half, one lane width away."""
     camera, vehicle, settings = large_world()
-    kept_left = settings.model_copy(update={"lane": RoleSettings(lines=Lines.BOTH, yellow=YellowSide.LEFT)})
+    kept_left = settings.model_copy(
+        update={"lane": settings.lane.model_copy(update={"yellow": YellowSide.LEFT})}
+    )
     section = {"left": WHITE, "right": YELLOW, "right_lanes": [{"marking": WHITE}]}
     assert abs(offset_m(still(camera, vehicle, settings, section)) - 0.25) < 0.1
     wrong = still(camera, vehicle, kept_left, section)

@@ -183,6 +183,9 @@ def test_the_eye_sees_farther_over_a_lower_wall():
     assert seen_m[-2] == seen_m[-1]  # higher than the eye is high enough
 
 
+DARK_FOG = 0.04  # a target in the own beam, in dense fog without daylight: 24.5 m in place of 23.9 m
+
+
 @given(
     grade=st.floats(0.0, 5.0),
     more=st.floats(0.0, 2.0),
@@ -190,9 +193,13 @@ def test_the_eye_sees_farther_over_a_lower_wall():
     fog=st.floats(0.0, 5.0),
 )
 @settings(max_examples=30, deadline=None)
-def test_sight_never_grows_with_the_grade(grade, more, kind, fog):
+def test_sight_never_grows_with_the_grade_but_for_the_airlight_that_darkness_takes_from_fog(
+    grade, more, kind, fog
+):
     worse = min(grade + more, 5.0)
-    assert sight(of(kind, worse), of("fog", fog))[0] <= sight(of(kind, grade), of("fog", fog))[0] + 0.05
+    before_m = sight(of(kind, grade), of("fog", fog))[0]
+    share = DARK_FOG if kind == "night" else 0.0
+    assert sight(of(kind, worse), of("fog", fog))[0] <= (1 + share) * before_m + 0.05
 
 
 def test_darkness_is_the_cause_at_night_and_fog_is_it_in_dense_fog_at_night():
