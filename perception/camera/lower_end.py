@@ -17,6 +17,7 @@ WIDTH_PX = 160  # of the image in which the rim is searched
 ROWS = (0.6, 0.97)  # of the highest place of a rim, as shares of the height of the image
 ARCHES = (0.0, 0.04, 0.08, 0.12)  # by which a rim is lower at the sides
 LEANS = (-0.03, 0.0, 0.03)  # by which it is lower at the right side than in the middle
+BELOW_HORIZON = 0.15  # heights of the image; of a lens 1.3 m above the ground, 8 m ahead
 APART_PX, REACH_PX = 2, 2  # of the rows beside a step; from the curve of a rim to its steps
 MIN_STEP_GREY, CLEAR = 6.0, 4.0  # of a step, and in medians of the steps of the lower half
 MIN_SHARE, EQUAL = 0.85, 0.01  # of the columns with a step; difference of equal shares
@@ -29,20 +30,23 @@ class LowerEnd:
     def __init__(self) -> None:
         self._rims: deque[float] = deque(maxlen=LOOKS)
 
-    def step(self, image: Image) -> float:
-        """The share of the height of ``image``, (h, w, 3) BGR, above the rim of most looks; 1 without."""
-        self._rims.append(rim(image))
+    def step(self, image: Image, *, horizon: float = 0.0) -> float:
+        """The share of the height of ``image``, (h, w, 3) BGR, above the rim of most looks; 1 without.
+
+        ``horizon``: the share above the horizon, where trees and hills are steps across the image as well.
+        """
+        self._rims.append(rim(image, horizon=horizon))
         middle = float(np.median(self._rims))
         same = sum(abs(one - middle) <= SAME for one in self._rims)
         return middle if same > len(self._rims) / 2 else 1.0
 
 
-def rim(image: Image) -> float:
+def rim(image: Image, *, horizon: float = 0.0) -> float:
     """The share of the height of ``image`` above the highest place of a rim across it; 1 without one.
 
     With S(r, c) = g above row r − g below it, of means of 3×3 pixels, the rim is the curve
     r(x) = top + lean·x + arch·x², −1 ≤ x ≤ 1, that has a step of one sign in the most columns, and in at least
-    ``MIN_SHARE`` of them.
+    ``MIN_SHARE`` of them. It lies at least ``BELOW_HORIZON`` below ``horizon``.
     """
     rows = round(image.shape[0] * WIDTH_PX / image.shape[1])
     small = cv2.resize(image, (WIDTH_PX, rows), interpolation=cv2.INTER_AREA)
@@ -50,10 +54,10 @@ def rim(image: Image) -> float:
     step = np.zeros_like(grey)
     step[APART_PX:-APART_PX] = grey[: -2 * APART_PX] - grey[2 * APART_PX :]
     least = max(MIN_STEP_GREY, CLEAR * float(np.median(np.abs(step[rows // 2 :]))))
-    tops = np.arange(round(ROWS[0] * rows), round(ROWS[1] * rows))
+    tops = np.arange(round(max(ROWS[0], horizon + BELOW_HORIZON) * rows), round(ROWS[1] * rows))
     shares = np.max([_shares(sign * step > least, tops, rows) for sign in (1, -1)], axis=0)
-    best = shares.max(axis=0)
-    if best.max() < MIN_SHARE:
+    best = shares.max(axis=0, initial=0.0)
+    if not len(tops) or best.max() < MIN_SHARE:
         return 1.0
     top = float(
         np.median(tops[best >= best.max() - EQUAL])

@@ -127,7 +127,8 @@ class WhichLane:
         """``frame`` down to the lower end of the road; the search begins anew where that is another one."""
         if self._lower_end is None:
             return frame
-        end = self._lower_end.step(as_bgr(frame.image))
+        horizon = self._searched.camera.horizon_row_px / self._whole_px
+        end = self._lower_end.step(as_bgr(frame.image), horizon=horizon)
         if abs(end - self._end) > SAME:
             self._end = end
             self._searched.cut_images(round(end * self._whole_px))

@@ -71,3 +71,11 @@ def test_the_lower_end_is_forgotten_where_the_road_is_seen_again():
     for _ in range(LOOKS):
         end.step(with_bonnet(ROAD, 3))
     assert [end.step(ROAD) for _ in range(LOOKS)][-1] == 1.0
+
+
+def test_trees_behind_a_level_road_are_no_rim():
+    image = np.full((240, 320, 3), 200, np.uint8)
+    image[150:] = 60
+    assert rim(image) < 0.7
+    assert rim(image, horizon=0.6) == 1.0
+    assert rim(with_bonnet(image, 200, share=0.1), horizon=0.6) < 0.95
