@@ -422,6 +422,7 @@ def test_after_a_lost_connection_the_page_says_that_it_is_connected_again(viewer
     os.kill(viewer.page.pid, signal.SIGKILL)
     viewer.page.stop()
     assert viewer.becomes("mode", "NO DATA")
+    time.sleep(1.0)  # a shorter loss is no news
     viewer.page.start()
     assert viewer.becomes("mode", "KEEP")
     assert viewer.text("notice").startswith("Connected again at ")
