@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from browser_rig import chromium
+from process_rig import until
 
 from sim_harness.judging.metrics import MEANINGS
 from sim_harness.judging.trace import Trace
@@ -286,6 +287,7 @@ def test_the_cursor_shows_the_frame_the_vehicles_and_the_rules_of_its_time(
     page.write(path)
     browser.get(path.as_uri())
     click(browser, "#run-0")
+    assert until(lambda: browser.find_elements("css selector", "#sheet-0 svg.lines"), patience_s=15.0)
 
     def at(share):
         browser.execute_script(
