@@ -240,11 +240,12 @@ def _footage(path: Path) -> Footage | ForeignFootage:
 def _foreign_footage(path: Path) -> ForeignFootage:
     from vehicle.cameras.files import image_topics, mcap_images  # for files of other software only
 
-    topics = list(image_topics(path))
+    types = image_topics(path)
+    topics = list(types)
     if len(topics) > 1:
         keep = f"mcap filter {path.name} --include-topic-regex {topics[0]} --output one.mcap"
         raise InputError(f"{path}: holds images on {', '.join(topics)}; keep one of these topics: {keep}")
-    begin = mcap_images(path, topics[0])
+    begin = mcap_images(path, topics[0], types[topics[0]])
     stamps_s = [frame.t_s for frame in islice(begin(leave_out), RATED_IMAGES)]
     if not stamps_s:
         raise InputError(f"{path}: {topics[0]}: holds no image")

@@ -89,9 +89,10 @@ class McapFile(Playback):
 
     def __init__(self, settings: McapSettings, drive: SourceContext) -> None:
         path = recording_path(settings.path)
-        topic = _choose_topic(settings.topic, image_topics(path), path)
+        topics = image_topics(path)
+        topic = _choose_topic(settings.topic, topics, path)
         self._path, self._damages = path, set[str]()
-        begin = partial(mcap_images(path, topic), self._report_damage)
+        begin = partial(mcap_images(path, topic, topics[topic]), self._report_damage)
         try:
             super().__init__(begin, now_s=drive.now_s, pace=settings.pace, loop=settings.loop)
         except InputError as error:
@@ -116,9 +117,8 @@ def image_topics(path: Path) -> dict[str, str]:
     return topics
 
 
-def mcap_images(path: Path, topic: str) -> Callable[[Damage], Iterator[UndecodedFrame]]:
-    """What begins the images of ``topic``, as :class:`McapFile` plays them. Raises InputError as it does."""
-    ros_type = image_topics(path)[topic]
+def mcap_images(path: Path, topic: str, ros_type: str) -> Callable[[Damage], Iterator[UndecodedFrame]]:
+    """What begins the images of one of :func:`image_topics`, as :class:`McapFile` plays them; raises as it does."""
     has_stamps = _probe_images(path, topic, ros_type)
     return lambda damage: mcap_shots(path, topic, ros_type, has_stamps=has_stamps, damage=damage)
 
