@@ -88,9 +88,10 @@ def export(
         with recorded_car(drive.recorded):
             counts = _write_export(drive, work, kind, rate)
     if not drive.recorded.complete:
-        warn(
-            "trepid export: the recording is cut short or corrupted; exported up to the last whole chunk before"
-        )
+        warn("trepid export: the recording is cut short; exported up to its last whole chunk")
+    if drive.lost:
+        parts, messages = len(drive.lost), sum(drive.lost.values())
+        warn(f"trepid export: {messages} messages of {parts} corrupted parts are lost; exported without them")
     for key, count in drive.impossible.items():
         warn(f"trepid export: {key}: {count} messages with an impossible capture time give no frame")
     summary = {
@@ -100,6 +101,8 @@ def export(
         "from_s": round(drive.frames_s[0] - drive.zero_s, 6),
         "to_s": round(drive.frames_s[-1] - drive.zero_s, 6),
         "complete": drive.recorded.complete,
+        "corrupted_parts": len(drive.lost),
+        "lost": sum(drive.lost.values()),
         "malformed": dict(drive.recorded.malformed),
         "impossible": drive.impossible,
     }

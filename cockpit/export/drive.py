@@ -11,6 +11,7 @@ from trepid.config import InputError
 from trepid.messages import CompressedFrame, SteeringEstimate
 from trepid.recording.images import decode_image, recorded_images
 from trepid.recording.reader import read_recording
+from trepid.recording.scan import CUT_SHORT, saying
 from trepid.topics import (
     COMMAND,
     DECISION,
@@ -46,6 +47,8 @@ class Drive:
         """Raises InputError when ``path`` is no recording, or holds neither an image nor an estimate."""
         self.path = path
         self.recorded = read_recording(path, *KEYS)
+        self.lost = dict(self.recorded.lost)
+        """Corrupted part of the file -> number of messages in it that are not exported; 0: unknown."""
         self._arrived_s = {
             key: [at_s for at_s, _ in messages] for key, messages in self.recorded.messages.items()
         }
@@ -74,8 +77,13 @@ class Drive:
     @cached_property
     def _image_times(self) -> list[tuple[float, float]]:
         """Capture and arrival of every recorded image."""
-        messages = () if self._images is None else self._images.messages()
+        messages = () if self._images is None else self._images.messages(self._lose_images)
         return [(message.t_s, at_s) for at_s, message in messages]
+
+    def _lose_images(self, what: str, images: int) -> None:
+        if what != CUT_SHORT:
+            self.lost[what] = self.lost.get(what, 0) + images
+        saying(self.path)(what, images)
 
     @cached_property
     def frames_s(self) -> list[float]:

@@ -234,7 +234,8 @@ def _footage(path: Path) -> Footage | ForeignFootage:
     images = recorded_images(path)
     if images is None:
         return _foreign_footage(path)
-    return Footage(images, read_head(path), _usual_fps(message.t_s for _, message in images.messages()))
+    stamps_s = (message.t_s for _, message in images.messages(leave_out))
+    return Footage(images, read_head(path), _usual_fps(stamps_s))
 
 
 def _foreign_footage(path: Path) -> ForeignFootage:

@@ -74,7 +74,7 @@ def main(path: str, names: str, *networks: str) -> None:
 def _outputs(path: Path, names: Sequence[str], networks: Sequence[str]) -> Iterator[Any]:
     cv2.setNumThreads(1)
     try:
-        tape = Tape(path)
+        tape = Tape(path, said=True)
         with settings_of(tape, None, networks) as setup:
             nodes = nodes_of(tape, setup)
             yield from Player(tape, [nodes[name] for name in names]).outputs_of(names)

@@ -123,6 +123,7 @@ def _row(found: "Rerun") -> dict[str, Any]:
             for key, one in found.topics.items()
         },
         "left_out": dict(found.left_out),
+        "lost": found.lost,
     }
 
 
@@ -132,6 +133,10 @@ def _text(found: "Rerun") -> str:
         f"{found.drive_s:.1f} s in {found.wall_s:.1f} s ({found.drive_s / found.wall_s:.0f} times real time),"
         f" {found.frames} frames, {found.differences} outputs differ"
     ]
+    if found.lost:
+        lines.append(
+            f"{found.lost} messages of corrupted parts are lost; steps without their inputs may differ"
+        )
     for key, one in found.topics.items():
         differ = "all the same" if not one.different else f"{one.different} differ"
         lines.append(f"{key}: {one.compared} compared, {differ}")

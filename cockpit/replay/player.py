@@ -53,6 +53,8 @@ class Player:
 
     def _doubt(self, node: Node) -> str:
         doubts = [self._schedules[node.name].doubt]
+        if self._tape.recorded.lost:
+            doubts.append(f"{sum(self._tape.recorded.lost.values())} messages are lost in corrupted parts")
         if node.sees and not self._tape.has_raw_images:
             doubts.append("its images are JPEG, not those of the drive")
         return "; ".join(filter(None, doubts))

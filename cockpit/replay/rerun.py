@@ -68,6 +68,7 @@ class Rerun:
     ]  # key -> why its steps may differ from the recorded ones; "" where they are the same
     left_out: Mapping[str, str]  # name of a node -> why it was not run again
     frames: int  # camera frames with an output that was compared
+    lost: int  # messages in corrupted parts of the recording
     drive_s: float  # length of the recording
     wall_s: float
 
@@ -121,6 +122,7 @@ def rerun(
         doubts=player.doubts,
         left_out=left_out,
         frames=len(player.frames_s),
+        lost=sum(tape.recorded.lost.values()),
         drive_s=tape.recorded.last_s - tape.recorded.first_s,
         wall_s=time.perf_counter() - started_s,
     )

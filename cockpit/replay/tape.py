@@ -16,6 +16,7 @@ from trepid.messages import Frame, Steps
 from trepid.recording.images import RecordedImages, decode_image, recorded_images
 from trepid.recording.notes import PERIOD, Times, number
 from trepid.recording.reader import RecordingContent, read_recording
+from trepid.recording.scan import Damage, leave_out, saying
 from trepid.topics import (
     CAMERA_IMAGE,
     COMMAND,
@@ -62,14 +63,18 @@ class TopicTape:
 class Tape:
     """A recording for :mod:`cockpit.replay.rerun`."""
 
-    def __init__(self, path: Path) -> None:
-        """Raises InputError when ``path`` is no recording of a supervisor or controller."""
+    def __init__(self, path: Path, *, said: bool = False) -> None:
+        """``said``: another process says what the file lacks.
+
+        Raises InputError when ``path`` is no recording of a supervisor or controller.
+        """
         self.path = path
-        self.recorded: RecordingContent = read_recording(path, *READ)
+        self.damage = leave_out if said else saying(path)
+        self.recorded: RecordingContent = read_recording(path, *READ, damage=self.damage)
         if not {DECISION.key, COMMAND.key} & self.recorded.messages.keys():
             raise InputError(f"{path}: holds no decision and no command: there is nothing to run again")
-        if not self.recorded.complete:
-            warn(f"trepid: {path}: cut short or corrupted; run again up to the last whole chunk before")
+        if not self.recorded.complete and not said:
+            warn(f"trepid: {path}: cut short; run again up to its last whole chunk")
         self.notes = self.recorded.notes
         period_s = number(self.notes, PERIOD)
         self.is_lockstep = period_s is not None
@@ -103,7 +108,7 @@ class Frames:
 
     def __init__(self, tape: Tape) -> None:
         self._times = tape.times
-        self._coming = self._read(tape.images)
+        self._coming = self._read(tape.images, tape.damage)
         self._kept: OrderedDict[int, Frame] = OrderedDict()
         self._read_s = -np.inf
 
@@ -119,8 +124,8 @@ class Frames:
                 self._kept.popitem(last=False)
         return self._kept.get(wanted)
 
-    def _read(self, images: RecordedImages | None) -> Iterator[tuple[float, Frame | None]]:
-        for at_s, message in images.messages() if images is not None else ():
+    def _read(self, images: RecordedImages | None, damage: Damage) -> Iterator[tuple[float, Frame | None]]:
+        for at_s, message in images.messages(damage) if images is not None else ():
             moved = self._times.of_node(message)
             image = decode_image(moved)
             yield self._times.node_s(at_s), None if image is None else Frame(t_s=moved.t_s, image=image)

@@ -1,23 +1,17 @@
 """MCAP files of any ROS 2 software: their topics, and the bytes of one topic."""
 
 import re
-import struct
 from collections.abc import Iterator
-from os import SEEK_END
 from pathlib import Path
-from typing import IO
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 from mcap.summary import Summary
 
 from trepid.clock import seconds
 from trepid.config import InputError
-from trepid.recording.scan import MAGIC, Damage, records
+from trepid.recording.scan import Damage, leave_out, records, summary_of
 
 CDR = "cdr"  # encoding of the messages of ROS 2
-LEAST_BYTES = 2 * len(MAGIC) + 29  # of a file with a summary: both magics and the footer
 _OF_DDS = re.compile(r"(\w+)::msg::dds_::(\w+)_")  # sensor_msgs::msg::dds_::Image_
 
 
@@ -57,29 +51,18 @@ def _schemas_and_channels(path: Path) -> tuple[dict[int, Schema], list[Channel]]
     channels: list[Channel] = []
     try:
         with path.open("rb") as file:
-            summary = _summary(file)
+            summary = summary_of(file)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     if summary is not None and _is_complete(summary):
         schemas, channels = summary.schemas, list(summary.channels.values())
     else:
-        for record in records(path, lambda _: False):
+        for record in records(path, lambda _: False, damage=leave_out):
             if isinstance(record, Schema):
                 schemas[record.id] = record
             elif isinstance(record, Channel):
                 channels.append(record)
     return schemas, channels
-
-
-def _summary(file: IO[bytes]) -> Summary | None:
-    """None where the file is cut short: the summary is at the end."""
-    if file.seek(0, SEEK_END) < LEAST_BYTES:
-        return None
-    file.seek(0)
-    try:
-        return make_reader(file).get_summary()
-    except (McapError, ValueError, EOFError, struct.error):
-        return None
 
 
 def _is_complete(summary: Summary) -> bool:
@@ -94,7 +77,7 @@ def _is_complete(summary: Summary) -> bool:
 def messages_of(path: Path, topic: str, *, damage: Damage | None = None) -> Iterator[tuple[float, bytes]]:
     """Time of logging [s] and CDR bytes of the messages of ``topic`` in the order of the file, up to its end.
 
-    Without ``damage`` the first corrupted byte is the end; with it, corrupted chunks are left out and reported.
+    Corrupted parts are left out and reported to ``damage``, by default said once.
     """
     ids: set[int] = set()
     for record in records(path, lambda name: name == topic, damage=damage):
@@ -105,7 +88,10 @@ def messages_of(path: Path, topic: str, *, damage: Damage | None = None) -> Iter
 
 
 def in_order(path: Path) -> Iterator[tuple[int, str, bytes]]:
-    """Time of logging [ns], key of the topic and bytes of every message in CDR, in the order of the file."""
+    """Time of logging [ns], key of the topic and bytes of every message in CDR, in the order of the file.
+
+    Corrupted parts are left out, and said once in a process.
+    """
     keys: dict[int, str] = {}
     for record in records(path):
         if isinstance(record, Channel) and record.message_encoding == CDR:

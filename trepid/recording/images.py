@@ -30,7 +30,7 @@ class RecordedImages:
     def messages(self, damage: Damage | None = None) -> Iterator[tuple[float, Frame | CompressedFrame]]:
         """Arrival [s] and message in the order of the file; those that were malformed on the bus are left out.
 
-        Without ``damage`` the first corrupted chunk is the end; with it, these are left out and reported.
+        Corrupted parts are left out and reported to ``damage``, by default said once.
         """
         for at_s, data in messages_of(self.path, f"/{self.topic.key}", damage=damage):
             try:

@@ -1,7 +1,8 @@
 """Reads the messages of an MCAP file of :mod:`trepid.recording.writer` by topic.
 
-A recording that was cut short, by a crash or a loss of power, is read up to its last complete chunk. A recording of
-an older version of Trepid is decoded by the definitions in the file; fields that it lacks are absent.
+A recording that was cut short, by a crash or a loss of power, is read up to its last complete chunk; corrupted
+chunks are left out, said and counted. A recording of an older version of Trepid is decoded by the definitions in
+the file; fields that it lacks are absent.
 """
 
 import math
@@ -19,7 +20,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from trepid.clock import seconds
 from trepid.config import InputError
-from trepid.recording.scan import Damage, records
+from trepid.recording.scan import CUT_SHORT, Damage, leave_out, records, saying
 from trepid.recording.writer import BEGAN, DRIVE
 from trepid.topics import Topic, topic_of
 from trepid.wire import DERIVED, WireError, check_fields, definition, from_cdr, ros_name
@@ -40,6 +41,8 @@ class RecordingContent:
     first_s: float = math.nan  # arrival of the first message of any topic ...
     last_s: float = math.nan  # ... and of the last
     complete: bool = False  # False: the end of the file was not reached
+    lost: dict[str, int] = field(default_factory=dict)
+    """Corrupted part of the file -> number of messages in it on the topics that were read; 0: unknown."""
     malformed: Counter[str] = field(default_factory=Counter)
     """Number of messages by topic that were malformed on the bus already; they are left out."""
 
@@ -68,7 +71,7 @@ def read_recording(
 ) -> RecordingContent:
     """The messages that arrived from ``from_s`` to ``to_s`` on topics that match one of ``keys`` (with ``*``).
 
-    With ``damage``, corrupted chunks are left out and reported, without it the first one is the end.
+    Corrupted chunks are left out and reported to ``damage``, by default said once in a process.
     Raises InputError when ``path`` is no MCAP file, or holds other types on the topics of Trepid.
     """
     recorded, series = read_series(path, *keys, from_s=from_s, to_s=to_s, damage=damage)
@@ -150,7 +153,14 @@ def read_series(
         key = name.removeprefix("/")
         return topic_of(key) is not None and any(fnmatchcase(key, pattern) for pattern in keys)
 
-    for record in records(path, is_asked_for, damage=damage):
+    report = damage or saying(path)
+
+    def lose(what: str, messages: int) -> None:
+        if what != CUT_SHORT:
+            recorded.lost[what] = messages
+        report(what, messages)
+
+    for record in records(path, is_asked_for, damage=lose):
         match record:
             case McapMessage():
                 at_s = seconds(record.log_time)
@@ -190,7 +200,7 @@ def _join_series(first: Series[Any], other: Series[Any], what: str) -> Series[An
 def read_head(path: Path) -> RecordingContent:
     """The files and the notes at the beginning of a recording, without its messages. Raises InputError."""
     recorded = RecordingContent(path)
-    for record in records(path, lambda _: False):
+    for record in records(path, lambda _: False, damage=leave_out):
         match record:
             case Chunk():
                 break

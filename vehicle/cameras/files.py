@@ -14,7 +14,7 @@ from trepid.images.files import NOMINAL_FPS, images_in, read_image
 from trepid.images.video import video_frames
 from trepid.loudness import warn
 from trepid.recording.foreign import messages_of, topics_in_words, types_of
-from trepid.recording.scan import Damage
+from trepid.recording.scan import Damage, leave_out
 from trepid.spelling import did_you_mean
 from trepid.types import Image, Positive
 from trepid.wire import WireError
@@ -130,7 +130,7 @@ def _probe_images(path: Path, topic: str, ros_type: str) -> bool:
     """
     stamps: list[float] = []
     reason, decoded = "", False
-    for _, data in islice(messages_of(path, topic), PROBED_IMAGES):
+    for _, data in islice(messages_of(path, topic, damage=leave_out), PROBED_IMAGES):
         try:
             image = ros_image(data, ros_type)
             stamps += [] if image.stamp_s is None else [image.stamp_s]

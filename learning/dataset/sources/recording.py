@@ -33,12 +33,10 @@ def read_drive(path: Path, faults: Faults, *, labels_of: str | None = None) -> L
     def lose_images(what: str, messages: int) -> None:
         lost[what] = messages
 
-    def lose_states(what: str, _: int) -> None:
-        lost.setdefault(what, 0)
-
     t_s = np.array([shot.t_s for shot in mcap_shots(path, topic, ros_type, damage=lose_images)])
-    recorded = read_recording(path, VEHICLE_STATE.key, damage=lose_states)
+    recorded = read_recording(path, VEHICLE_STATE.key, damage=leave_out)
     cut_short = lost.pop(CUT_SHORT, None) is not None
+    lost |= {what: 0 for what in recorded.lost if what not in lost}
     states = {state.t_s: state for _, state in reversed(recorded.of(VEHICLE_STATE))}
     if not len(t_s) or not states:
         what = "image of a camera" if not len(t_s) else "vehicle state: it holds no steering to learn from"

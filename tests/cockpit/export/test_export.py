@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pyarrow.parquet
 import pytest
+from foreign_ros_rig import damage_chunk
 from recorded_rig import record_drive
 
 from cockpit.export.drive import STALE_S, Drive
@@ -350,6 +351,23 @@ def test_a_recording_that_is_cut_short_is_exported_and_reported(
     code, out, err = export(path, tmp_path / "d.csv", "--json")
     summary = json.loads(out)
     assert code == 0 and not summary["complete"] and 20 < summary["rows"] < 125 and "cut short" in err
+
+
+@pytest.mark.parametrize("out", ["d.csv", "tub"])
+def test_a_recording_with_a_corrupted_chunk_is_exported_behind_it_with_the_number_of_lost_messages(
+    drive: Path, tmp_path: Path, export: Any, out: str
+) -> None:
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(drive.read_bytes())
+    _, whole, _ = export(path, tmp_path / f"whole-{out}", "--json")
+    damage_chunk(path, 3)
+    code, text, err = export(path, tmp_path / out, "--json")
+    summary, before = json.loads(text), json.loads(whole)
+    assert code == 0 and summary["complete"] and before["lost"] == 0
+    assert (summary["corrupted_parts"], summary["to_s"]) == (1, before["to_s"])
+    assert 0 < summary["lost"] < 100 and 0 < before["rows"] - summary["rows"] < 10
+    assert err.count("are corrupted") == 1
+    assert f"{summary['lost']} messages of 1 corrupted parts are lost; exported without them" in err
 
 
 def test_a_lerobot_data_set_holds_the_images_with_the_angles_at_their_capture(

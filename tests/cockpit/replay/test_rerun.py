@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from driving_network_rig import write_network
+from foreign_ros_rig import damage_chunk
 from recorded_rig import record_drive
 from typer.testing import CliRunner
 
@@ -104,6 +105,19 @@ def test_without_raw_images_all_leaves_out_the_nodes_that_see_and_says_so(
     by_jpeg = rerun(path, ["cv"])
     assert "JPEG" in by_jpeg.doubts["perception/cv/estimate"]
     assert 0 < by_jpeg.topics["perception/cv/estimate"].compared < 100
+
+
+def test_a_recording_with_a_corrupted_chunk_is_run_again_behind_it_with_the_number_of_lost_messages(
+    unseen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(unseen.read_bytes())
+    damage_chunk(path, 8)
+    found, whole = (rerun(one, ["supervisor", "controller"]) for one in (path, unseen))
+    assert found.drive_s == whole.drive_s and found.lost > 0 and not whole.lost
+    assert 0 < whole.topics[DECISION.key].compared - found.topics[DECISION.key].compared < 20
+    assert f"{found.lost} messages are lost in corrupted parts" in found.doubts[DECISION.key]
+    assert capsys.readouterr().err.count("are corrupted") == 1
 
 
 def test_a_changed_rule_is_judged_on_the_recorded_drive(unseen: Path, timid: Path, tmp_path: Path) -> None:

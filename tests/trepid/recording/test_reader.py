@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foreign_ros_rig import damage_chunk
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
@@ -98,16 +99,52 @@ def test_every_second_is_on_disk_while_recording(tmp_path: Path) -> None:
                 break
 
 
-def test_reading_ends_at_a_corrupted_byte(tmp_path: Path) -> None:
-    data = bytearray(write_recording(tmp_path / "a.mcap").read_bytes())
-    data[len(data) // 2] ^= 0xFF
-    path = tmp_path / "broken.mcap"
-    path.write_bytes(data)
+def lost_states(path: Path) -> list[m.VehicleState]:
+    """The states that reading ``path`` misses; the others are as written, and the missing ones are counted."""
     read = read_recording(path, VEHICLE_STATE.key)
     found = [state for _, state in read.of(VEHICLE_STATE)]
-    assert 0 < len(found) < len(states())
-    assert found == states()[: len(found)]
-    assert not read.complete
+    lost = [state for state in states() if state not in found]
+    assert found == [state for state in states() if state not in lost]
+    assert read.complete and sum(read.lost.values()) in (len(lost), 0)
+    return lost
+
+
+@pytest.mark.parametrize("number", [0, 1, 20, -1])
+def test_a_corrupted_chunk_costs_its_messages_alone_which_are_counted_and_said_once(
+    tmp_path: Path, number: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also the first one, which holds the only definition of the channel before the summary."""
+    path = write_recording(tmp_path / "a.mcap")
+    damage_chunk(path, number)
+    lost = lost_states(path)
+    assert 1 <= len(lost) <= 4
+    assert lost_states(path) == lost
+    said = [line for line in capsys.readouterr().err.splitlines() if "corrupted" in line]
+    assert len(said) == 1
+    assert re.fullmatch(
+        r".*a\.mcap: the \d+ bytes from byte \d+ on are corrupted, and the \d+ messages .*", *said
+    )
+
+
+def test_reading_goes_on_at_the_next_chunk_behind_a_corrupted_length(tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "a.mcap")
+    begin = sorted(chunk.chunk_start_offset for chunk in chunks_of(path, f"/{VEHICLE_STATE.key}"))[5]
+    data = bytearray(path.read_bytes())
+    data[begin + 7] ^= 0xFF  # one of the highest bytes
+    path.write_bytes(data)
+    assert 1 <= len(lost_states(path)) <= 4
+
+
+def test_messages_whose_channel_was_lost_with_the_summary_are_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_recording(tmp_path / "a.mcap")
+    begins = sorted(chunk.chunk_start_offset for chunk in chunks_of(path, f"/{VEHICLE_STATE.key}"))
+    damage_chunk(path, 0)
+    path.write_bytes(path.read_bytes()[: begins[3]])
+    read = read_recording(path, VEHICLE_STATE.key)
+    assert not read.complete and not read.of(VEHICLE_STATE) and sum(read.lost.values()) > 4
+    assert "messages of channels that no readable part defines are lost" in capsys.readouterr().err
 
 
 def with_raw_images(path: Path) -> Path:

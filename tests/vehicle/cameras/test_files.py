@@ -177,7 +177,7 @@ def test_a_corrupted_chunk_is_said_and_counted_and_the_frames_after_it_play(
     source = McapFile(McapSettings(path=str(path), pace=0), drive(ManualClock()))
     assert numbers(source) == [0, 1, 4, 5]
     assert ("damaged_parts", "1") in source.values()
-    assert "are corrupted, and the messages in them lost" in capsys.readouterr().err
+    assert "are corrupted, and the 2 messages in them lost" in capsys.readouterr().err
 
 
 def test_a_recording_cut_short_is_said_and_played_as_far_as_it_can_be_read(
