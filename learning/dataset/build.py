@@ -119,6 +119,7 @@ def build(
     middle_logs = [log for log in logs if not log.camera_left_m]
     wheel = wheel_of(middle_logs, options.wheel)
     for log in middle_logs:
+        _name_steps_back(log, faults)
         _check_steering(log, faults)
     t_s = np.concatenate([log.t_s for log in logs])
     route = np.array([name for log in logs for name in log.route])
@@ -234,6 +235,21 @@ def _check_options(logs: list[Log], options: BuildOptions) -> None:
     for name, value, used, why in uses:
         if value and not used:
             raise InputError(f"{name}: {why}")
+
+
+def _name_steps_back(log: Log, faults: Faults) -> None:
+    """Name the first row from which the time of a route runs back, and the number of these rows."""
+    route = np.array(log.route)
+    rows = [np.flatnonzero(route == name) for name in np.unique(route)]
+    back = np.sort(np.concatenate([mine[1:][np.diff(log.t_s[mine]) < 0] for mine in rows]))
+    if len(back):
+        more = f", and {len(back) - 1} times more" if len(back) > 1 else ""
+        what = "a clock that was set, or rows in another order"
+        faults(
+            f"{log.place(int(back[0]))}: time runs back{more}: {what}",
+            rows=0,
+            remedy="the drive counts as divided there",
+        )
 
 
 def _check_steering(log: Log, faults: Faults) -> None:

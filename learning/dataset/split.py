@@ -45,17 +45,30 @@ def stretches(t_s: Column, route: NDArray[np.str_]) -> NDArray[np.int32]:
 
 
 def too_short(split: Split, t_s: Column, route: NDArray[np.str_], why: NDArray[np.str_]) -> str:
-    """In words, that no route lasts as long as the gaps of a division by time; empty where one does."""
-    if split.by != "time":
+    """In words, that the gaps of a division by time cover a whole split in every route; empty where they do not.
+
+    Only the times of the usable rows, in order, count here: a camera that hangs and time that runs back are no lack
+    of length.
+    """
+    usable, shares = why == "", [share for share in split.shares.values() if share > 0]
+    if split.by != "time" or not usable.any():
         return ""
-    gaps_s = split.gap_s * (sum(share > 0 for share in split.shares.values()) - 1)
-    usable = why == ""
-    lasts_s = max(
-        (np.ptp(t_s[usable & (route == name)]) for name in np.unique(route[usable])), default=math.inf
-    )
-    if lasts_s >= gaps_s:
+    times_s = [np.sort(t_s[usable & (route == name)]) for name in np.unique(route[usable])]
+    left: set[str] = set()
+    for at_s in times_s:
+        rows = np.arange(len(at_s))
+        names = _cut(rows, np.ones(len(rows), bool), split.shares, np.full(len(rows), math.inf))
+        reasons = np.full(len(rows), "", dtype="<U64")
+        clear_gaps(names, reasons, at_s, np.full(len(rows), ""), split.gap_s)
+        left |= set(names[reasons == ""].tolist())
+    if all(name in left for name, share in split.shares.items() if share > 0):
         return ""
-    return f"a drive of {lasts_s:.2g} s is too short for gaps of {split.gap_s:g} s between splits (--gap-s)"
+    lasts_s = max(float(np.ptp(at_s)) for at_s in times_s)
+    covered = [split.gap_s * (0.5 if place in (0, len(shares) - 1) else 1.0) for place in range(len(shares))]
+    needed_s = max(gap_s / share for gap_s, share in zip(covered, shares, strict=True))
+    need = f", which need {needed_s:.3g} s" if lasts_s < needed_s else ""
+    gaps = f"gaps of {split.gap_s:g} s between splits (--gap-s)"
+    return f"a drive of {lasts_s:.2g} s is too short for {gaps}{need}"
 
 
 def split_rows(
@@ -69,7 +82,7 @@ def split_rows(
     if split.by == "time":
         for name in np.unique(route):
             mine = np.flatnonzero(route == name)
-            names[mine] = _cut(mine, usable, split.shares, look)
+            names[mine] = _cut(mine, usable, split.shares, look.change)
     else:
         names = _by_route(split, route, usable, look)
     reasons = why.astype("<U64")
@@ -79,15 +92,15 @@ def split_rows(
     return names, reasons
 
 
-def _cut(rows: NDArray[np.intp], usable: Mask, shares: dict, look: ImageMeasurements) -> NDArray[np.str_]:
-    """The split of the rows of one route, in order, by shares of its usable rows."""
+def _cut(rows: NDArray[np.intp], usable: Mask, shares: dict, change: Column | Floats) -> NDArray[np.str_]:
+    """The split of the rows of one route, in order, by shares of its usable rows; none begins in a frozen piece."""
     done = np.cumsum(usable[rows]) / max(1, usable[rows].sum())
     names = np.full(len(rows), SPLITS[0], dtype="<U10")
     until = 0.0
     for before, name in pairwise(SPLITS):
         until += shares[before]
         border = int(np.searchsorted(done, until, side="right"))
-        while 0 < border < len(rows) and look.change[rows[border]] <= STILL:
+        while 0 < border < len(rows) and change[rows[border]] <= STILL:
             border += 1
         if shares[name] > 0:
             names[border:] = name
@@ -123,7 +136,7 @@ def _by_route(
         rest = split.shares["train"] + split.shares["validation"]
         shares = {name: split.shares[name] / rest for name in ("train", "validation")}
         mine = np.flatnonzero(route == left[0])
-        names[mine] = _cut(mine, usable, {**shares, "test": 0.0}, look)
+        names[mine] = _cut(mine, usable, {**shares, "test": 0.0}, look.change)
     return names
 
 

@@ -42,16 +42,33 @@ def test_strict_refuses_the_first_image_that_cannot_be_read(
     assert not (tmp_path / "set").exists()
 
 
+@pytest.mark.parametrize("frames", [18, 120, 260])
 def test_a_drive_too_short_for_a_split_is_a_data_set_without_one_and_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], frames: int
 ) -> None:
-    made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", 40))
+    """Whether it is shorter than the gaps themselves, or its share of a split is shorter than its gap."""
+    made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", frames))
     assert set(made.rows()["split"]) == {"train"}
     err = capsys.readouterr().err
-    assert "too short for gaps of 2 s between splits (--gap-s); all frames are in" in err
+    assert "too short for gaps of 2 s between splits (--gap-s), which need 13.3 s; all frames are in" in err
     assert "a longer drive, or a smaller --gap-s, leaves some" in err
-    divided = made_dataset(tmp_path / "other", tmp_path / "tub", options=("--gap-s", "0.2"))
+    divided = made_dataset(tmp_path / "other", tmp_path / "tub", options=("--gap-s", "0.05"))
     assert {"train", "validation", "test"} <= set(divided.rows()["split"])
+
+
+def test_time_that_runs_back_in_a_drive_is_named_and_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tub = write_tub(tmp_path / "tub")
+    catalog = tub / "catalog_0.catalog"
+    records = [json.loads(line) for line in catalog.read_text().splitlines()]
+    for number, record in enumerate(records):
+        record["_timestamp_ms"] -= 3000 * (number >= 250) + 5000 * (number >= 300)
+    catalog.write_text("\n".join(map(json.dumps, records)))
+    made_dataset(tmp_path / "set", tub, code=1)
+    said = "catalog_0.catalog:251: time runs back, and 1 times more: a clock that was set, or rows in another"
+    assert said in capsys.readouterr().err
+    assert said in refusal(capsys, tmp_path / "strict", tub, "--strict")
 
 
 def test_an_image_of_another_size_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
