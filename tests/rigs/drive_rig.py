@@ -92,7 +92,8 @@ def write_tub_1(folder: Path, frames: int = 60) -> Path:
     steering = steering_of(frames)
     names = [f"{n}_cam-image_array_.jpg" for n in range(1, frames + 1)]
     write_pictures(folder, names, steering)
-    (folder / "meta.json").write_text(json.dumps({"inputs": ["cam/image_array"], "start": START_S}))
+    inputs = {"inputs": ["cam/image_array", "user/angle"], "types": ["image_array", "float"]}
+    (folder / "meta.json").write_text(json.dumps({**inputs, "start": START_S}))
     for number, name in enumerate(names):
         record = {
             "cam/image_array": name,

@@ -1,7 +1,8 @@
 """Tubs of donkeycar, versions 1 and 2.
 
 Version 2 (donkeycar 4 and later): ``manifest.json`` (see :mod:`learning.dataset.sources.tub_manifest`), and
-catalogs of one record a line. Version 1: one ``record_<n>.json`` a frame, with ``meta.json`` beside them. In both
+catalogs of one record a line. Version 1: one ``record_<n>.json`` a frame, and ``meta.json`` with the names of the
+inputs. In both
 ``user/angle`` is the share of full steering, -1 to 1, positive to the right.
 """
 
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from learning.dataset.sources.log import Faults, Log, SteeringUnit, number, refuse_beyond_lock
-from learning.dataset.sources.tub_manifest import MANIFEST, catalogs_in, read_manifest
+from learning.dataset.sources.tub_manifest import MANIFEST, META, catalogs_in, read_manifest, read_meta
 from learning.dataset.sources.written_paths import ImageFolder
 from trepid.config import InputError, read_text
 from trepid.files.decoding import is_broken
@@ -88,8 +89,7 @@ def _version_2(path: Path, faults: Faults, angle: str) -> Log:
     log.unread = faults.rows - before
     if manifest.deleted is None:
         log.notes.append("the manifest is damaged: which records were deleted is not known")
-    if len(images) > 1:
-        log.notes.append(f"images of {images[0]}; not used: {', '.join(images[1:])}")
+    log.notes += _unused_images(images)
     return log
 
 
@@ -164,10 +164,20 @@ def _version_1(path: Path, faults: Faults, angle: str) -> Log:
         record = _json(text, str(file), faults)
         if record is not None:
             records.append((str(file), int(file.stem.removeprefix("record_")), record))
-    log = _log("tub1", path, path, records, (IMAGE_KEY, angle), faults, set())
+    meta = read_meta(path / META)
+    for fault, remedy in meta.faults:
+        faults(fault, rows=0, remedy=remedy)
+    images = meta.images or _image_inputs(records)
+    log = _log("tub1", path, path, records, (images[0], angle), faults, set())
     log.files = tuple(files)
     log.unread = faults.rows - before
+    log.notes += _unused_images(images)
     return log
+
+
+def _unused_images(images: list[str]) -> list[str]:
+    """A note on the images of a tub beside those that are read."""
+    return [f"images of {images[0]}; not used: {', '.join(images[1:])}"] if len(images) > 1 else []
 
 
 def _json(text: str, where: str, faults: Faults) -> dict[str, Any] | None:

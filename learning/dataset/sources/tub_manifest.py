@@ -1,8 +1,10 @@
-"""The manifest of a donkeycar tub of version 2, also a damaged one: the records stand in the catalogs beside it.
+"""The index of a donkeycar tub, also a damaged one: the records stand beside it.
 
-``manifest.json`` has five lines of JSON: names of the inputs, their types, metadata of the user, metadata of the
-sessions, and the catalogs with the number of records ever written and the deleted ones. Donkeycar rewrites it in
-place at every record, so that a loss of power leaves it empty, short, or with the end of an older, longer line.
+``manifest.json`` of version 2 has five lines of JSON: names of the inputs, their types, metadata of the user,
+metadata of the sessions, and the catalogs with the number of records ever written and the deleted ones. Donkeycar
+rewrites it in place at every record, so that a loss of power leaves it empty, short, or with the end of an older,
+longer line.
+``meta.json`` of version 1 has the names of the inputs and their types.
 """
 
 import json
@@ -16,10 +18,11 @@ from trepid.config import InputError, read_text
 from trepid.files.decoding import is_broken
 from trepid.images.files import natural_order
 
-MANIFEST = "manifest.json"
+MANIFEST, META = "manifest.json", "meta.json"
 LINES = 5
 CATALOG = re.compile(r"catalog_\d+\.catalog")
 OF_FOLDER = "the catalogs of the folder are read, with the records that were deleted"
+OF_RECORDS = "the images are sought in the records"
 UNUSED = "not used"
 Report = Callable[[str, str], None]  # a fault, and what is done about it
 
@@ -58,7 +61,7 @@ def read_manifest(path: Path) -> Manifest:
     held = 0 if lines == [""] else len(lines)
     if held < LINES:
         report(f"{path}: {held} lines, expected {LINES}", OF_FOLDER)
-    remedies = ["the images are sought in the records"] * 2 + [UNUSED] * 2 + [OF_FOLDER]
+    remedies = [OF_RECORDS] * 2 + [UNUSED] * 2 + [OF_FOLDER]
     parts = [
         _value(text, f"{path}:{number}", remedy, report)
         for number, (text, remedy) in enumerate(zip(lines[:held], remedies, strict=False), start=1)
@@ -68,6 +71,28 @@ def read_manifest(path: Path) -> Manifest:
         _take_inputs(manifest, path, inputs, types)
     if held_catalogs is not None:
         _take_catalogs(manifest, path, held_catalogs)
+    return manifest
+
+
+def read_meta(path: Path) -> Manifest:
+    """What ``meta.json`` of a tub of version 1 says of its inputs, with its faults; nothing where it is missing."""
+    manifest = Manifest()
+
+    def report(fault: str, remedy: str) -> None:
+        manifest.faults.append((fault, remedy))
+
+    if not path.is_file():
+        return manifest
+    try:
+        value = _value(read_text(path, broken_bytes=True), f"{path}:1", OF_RECORDS, report)
+    except InputError as error:
+        report(str(error), OF_RECORDS)
+        return manifest
+    if isinstance(value, dict) and "types" not in value:
+        return manifest
+    if value is not None:
+        held = value if isinstance(value, dict) else {}
+        _take_inputs(manifest, path, held.get("inputs"), held.get("types"))
     return manifest
 
 
@@ -89,9 +114,7 @@ def _value(text: str, where: str, remedy: str, report: Report) -> Any:
 
 def _take_inputs(manifest: Manifest, path: Path, inputs: Any, types: Any) -> None:
     if not (_is_list(inputs, str) and _is_list(types, str) and len(inputs) == len(types)):
-        manifest.faults.append(
-            (f"{path}:1: no names of inputs with their types", "the images are sought in the records")
-        )
+        manifest.faults.append((f"{path}:1: no names of inputs with their types", OF_RECORDS))
         return
     manifest.images = [name for name, kind in zip(inputs, types, strict=True) if kind == "image_array"]
 

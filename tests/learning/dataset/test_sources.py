@@ -113,6 +113,30 @@ def test_a_damaged_manifest_is_named_and_costs_no_record(
         read_log(tub, Faults(strict=True), TableOptions())
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "meta.json:1: not JSON"),
+        ('{"inputs": ["cam/image_array"], "types"', "meta.json:1: not JSON"),
+        ("\0" * 80, "meta.json:1:1: holds only zero bytes, as after a loss of power"),
+        ('{"inputs": [1], "types": ["float"]}', "meta.json:1: no names of inputs with their types"),
+        ("[]", "meta.json:1: no names of inputs with their types"),
+    ],
+)
+def test_a_damaged_index_of_a_tub_1_is_named_and_costs_no_record(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, said: str
+) -> None:
+    tub = write_tub_1(tmp_path / "tub", 20)
+    whole, none = read(tub)
+    (tub / "meta.json").write_text(text)
+    log, faults = read(tub)
+    assert (log.image, log.steering.tolist()) == (whole.image, whole.steering.tolist())
+    assert (none.count, faults.count, faults.rows) == (0, 1, 0)
+    assert f"{said}" in (err := capsys.readouterr().err) and "the images are sought in the records" in err
+    with pytest.raises(InputError, match=re.escape(said)):
+        read_log(tub, Faults(strict=True), TableOptions())
+
+
 def test_a_tub_without_manifest_is_read_by_its_catalogs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -508,9 +532,7 @@ def test_a_corrupted_chunk_of_a_recording_costs_its_images_alone(
     lost = len(whole) - len(log)
     assert 0 < lost < 50 and log.t_s[-1] == whole.t_s[-1]
     assert (faults.count, faults.rows) == (1, lost)
-    assert (
-        f"are corrupted, and the messages in them lost, {lost} images among them" in capsys.readouterr().err
-    )
+    assert f" messages in them lost, {lost} images among them" in capsys.readouterr().err
     assert (PictureReader(log.root, log.topic).read(path.name, len(log) - 1) == good).all()
     assert f"1 corrupted parts are left out, with {lost} images" in log.notes
     with pytest.raises(InputError, match=r"drive\.mcap: the \d+ bytes from byte \d+ on are corrupted"):
