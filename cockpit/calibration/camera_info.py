@@ -12,6 +12,7 @@ OpenCV and the chain of one camera that Kalibr writes. A matrix is a list of num
   (:mod:`cockpit.calibration.fisheye`).
 """
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -35,6 +36,11 @@ from trepid.config import InputError, parse, read_first
 
 WIDEST = 20.0  # heights of the image in a focal length: no lens has a wider image
 SKEW_PX = 0.5  # over the height of the image, that a camera without skew may have
+FAR_SHARE = 0.2  # of the image, from its middle: a crop moves the principal point so far on one axis ...
+SAME_SHARE = 0.05  # ... and a matrix of another size on both alike
+TURNED_SHARE, TURNED_NEARER = 0.1, 4.0
+"""Width and height are swapped where the principal point is farther than this share of the image from its middle,
+and that many times nearer to the middle of the image turned by 90°."""
 
 _OPENCV_HEAD = re.compile(r"\A%YAML:1\.0\s*\n(?:---[^\n]*\n)?")
 _OPENCV_TAG = re.compile(r"(?<=:)\s*!!opencv-matrix")
@@ -87,7 +93,7 @@ class Message(_Part):
 
     height: PositiveInt
     width: PositiveInt
-    distortion_model: str = ""
+    distortion_model: str | None = ""
     d: Numbers = Field(default=(), validation_alias=AliasChoices("d", "D"))
     k: Nine = Field(validation_alias=AliasChoices("k", "K"))
     binning_x: NonNegativeInt = 0
@@ -100,7 +106,7 @@ class CameraInfo(_Part):
 
     image_height: PositiveInt = Field(validation_alias=AliasChoices("image_height", "image_Height"))
     image_width: PositiveInt = Field(validation_alias=AliasChoices("image_width", "image_Width"))
-    distortion_model: str = ""
+    distortion_model: str | None = ""
     distortion_coefficients: Numbers = Field(
         default=(), validation_alias=AliasChoices("distortion_coefficients", "Distortion_Coefficients", "D")
     )
@@ -123,7 +129,7 @@ class KalibrCamera(_Part):
     camera_model: Literal["pinhole"]
     intrinsics: Annotated[tuple[float, ...], Field(min_length=4, max_length=4)]  # fx, fy, cx, cy [px]
     resolution: tuple[PositiveInt, PositiveInt]
-    distortion_model: str = ""
+    distortion_model: str | None = ""
     distortion_coeffs: Numbers = ()
 
     def message(self) -> Message:
@@ -156,24 +162,9 @@ class ImportedCamera(NamedTuple):
 def import_camera(path: Path, mounting: Camera) -> ImportedCamera:
     """The camera of the camera_info at ``path``, mounted as ``mounting``. Raises InputError with its place."""
     message = _read_message(read_first(path, _plain_yaml), path)
-    fx_px, skew, cx_px, _, fy_px, cy_px, *_ = message.k
-    if not (fx_px > 0 and fy_px > 0):
-        raise InputError(
-            f"{path}: the focal length is {fx_px:g} x {fy_px:g} px: the camera is not calibrated"
-        )
-    if WIDEST * min(fx_px, fy_px) < min(message.width, message.height):
-        raise InputError(
-            f"{path}: a focal length of {fx_px:g} x {fy_px:g} px is none of {message.width} x {message.height} px:"
-            " is it in shares of the image, or of another size?"
-        )
-    if not (0 <= cx_px <= message.width and 0 <= cy_px <= message.height):
-        size = f"{message.width} x {message.height} px"
-        raise InputError(
-            f"{path}: the principal point ({cx_px:g}, {cy_px:g}) px lies outside the image of {size}:"
-            " the matrix is of another size"
-        )
-    if abs(skew) * message.height / fy_px > SKEW_PX:
-        raise InputError(f"{path}: a skew of {skew:g} px: only cameras with upright pixels can be imported")
+    if fault := _fault_of_matrix(message):
+        raise InputError(f"{path}: {fault}")
+    fx_px, _, cx_px, _, fy_px, cy_px, *_ = message.k
     name, needs, lens = _lens_model(message, path)
     coefficients = _strip_zeros(message.d)
     if len(coefficients) > needs:
@@ -196,6 +187,40 @@ def import_camera(path: Path, mounting: Camera) -> ImportedCamera:
         }
     )
     return ImportedCamera(Camera.model_validate(_read_out(full, message, path).model_dump()), name, fit_px)
+
+
+def _fault_of_matrix(message: Message) -> str:
+    """Why K is no matrix of an image of this size, in words; empty where it is one."""
+    fx_px, skew, _, below, fy_px, _, *last = message.k
+    width, height = message.width, message.height
+    size, focal = f"{width} x {height} px", f"{fx_px:g} x {fy_px:g} px"
+    if not (fx_px > 0 and fy_px > 0):
+        return f"the focal length is {focal}: the camera is not calibrated"
+    if below or any(last[:2]):
+        return "the matrix has numbers below its diagonal, as a transposed one: the last row is 0, 0, 1"
+    if WIDEST * min(fx_px, fy_px) < min(width, height):
+        return (
+            f"a focal length of {focal} is none of {size}: is it in shares of the image, or of another size?"
+        )
+    if abs(skew) * height / fy_px > SKEW_PX:
+        return f"a skew of {skew:g} px: only cameras with upright pixels can be imported"
+    return _fault_of_point(message)
+
+
+def _fault_of_point(message: Message) -> str:
+    """Why the principal point is none of an image of this size, in words; empty where it is one."""
+    cx_px, cy_px, width, height = message.k[2], message.k[5], message.width, message.height
+    size, right, down = f"{width} x {height} px", cx_px / width, cy_px / height
+    off_px = math.hypot(cx_px - width / 2, cy_px - height / 2)
+    turned_px = math.hypot(cx_px - height / 2, cy_px - width / 2)
+    wrong = ""
+    if off_px > TURNED_SHARE * max(width, height) and TURNED_NEARER * turned_px < off_px:
+        wrong = f"is the middle of {height} x {width} px, not of {size}: are width and height swapped?"
+    elif not (0 < right < 1 and 0 < down < 1):
+        wrong = f"lies outside the image of {size}: the matrix is of another size"
+    elif abs(right - 0.5) > FAR_SHARE and abs(right - down) < SAME_SHARE:
+        wrong = f"is far from the middle of {size} on both axes alike: the matrix is of another size"
+    return f"the principal point ({cx_px:g}, {cy_px:g}) px {wrong}" if wrong else ""
 
 
 def _read_message(data: Any, path: Path) -> Message:
@@ -226,6 +251,8 @@ def _plain_yaml(text: str, path: Path) -> str:
 def _read_out(camera: Camera, message: Message, path: Path) -> Camera:
     """The camera of the region of interest, binned. Raises InputError for a region beyond the image."""
     roi = message.roi
+    if (roi.x_offset and not roi.width) or (roi.y_offset and not roi.height):
+        raise InputError(f"{path}: roi: an offset of ({roi.x_offset}, {roi.y_offset}) px, but no size")
     if roi.x_offset + roi.width > camera.width_px or roi.y_offset + roi.height > camera.height_px:
         where = f"{roi.width} x {roi.height} px from ({roi.x_offset}, {roi.y_offset})"
         raise InputError(
@@ -250,7 +277,7 @@ Lens = Callable[[Sequence[float], float], tuple[tuple[float, ...], float | None]
 
 def _lens_model(message: Message, path: Path) -> tuple[str, int, Lens]:
     """Name, number of coefficients, and conversion of a lens model. Raises InputError."""
-    name = re.sub(r"[\s-]+", "_", message.distortion_model.strip().lower())
+    name = re.sub(r"[\s-]+", "_", (message.distortion_model or "").strip().lower())
     name = OTHER_NAMES.get(name, name)
     if name in ("", "none") and (not name or not any(message.d)):
         name = "plumb_bob"  # of a camera without distortion
@@ -278,7 +305,10 @@ LENSES: dict[str, tuple[int, Lens]] = {
 }
 
 
-OTHER_NAMES = {"radtan": "plumb_bob", "brown_conrady": "plumb_bob", "kannala_brandt": "equidistant"}
+OTHER_NAMES = {
+    **dict.fromkeys(("radtan", "brown_conrady"), "plumb_bob"),
+    **dict.fromkeys(("kannala_brandt", "kannala_brandt4"), "equidistant"),
+}
 """Of Kalibr, of RealSense and of the literature."""
 
 

@@ -18,6 +18,7 @@ from trepid.config import CONFIG_DIR, InputError, load
 
 MOUNTING = load(CONFIG_DIR / "camera.yaml", Camera)
 K = np.array([[431.5, 0.0, 318.2], [0.0, 433.1, 243.9], [0.0, 0.0, 1.0]])
+SHORT = np.diag([0.5, 0.5, 1.0]) @ K + np.array([[0.0, 0.0, 159.1], [0.0, 0.0, 121.95], [0.0, 0.0, 0.0]])
 PLUMB_BOB = (-0.36, 0.11, 0.001, -0.0005, 0.002)
 RATIONAL = (0.61, -0.28, 0.0004, -0.0003, 0.011, 0.97, -0.14, 0.002)
 FISHEYE = (-0.0046, 0.0408, -0.0389, 0.0066)
@@ -142,6 +143,7 @@ def test_a_matrix_means_the_same_as_a_list_of_numbers_of_rows_and_of_opencv(tmp_
     [
         (f"{SAME_CAMERA['capitals']}roi: {{x_offset: 300, width: 341, height: 9}}\n", "341 x 9 px from (300, 0)"),
         (f"{SAME_CAMERA['capitals']}roi: {{y_offset: 480, height: 1}}\n", "beyond the image of 640"),
+        (f"{SAME_CAMERA['capitals']}roi: {{x_offset: 40}}\n", "roi: an offset of (40, 0) px, but no size"),
         (SAME_CAMERA["capitals"].replace("Plumb_Bob", "none"), "distortion_model 'none'"),
         (HEAD + "camera_matrix: 5\n", "camera_matrix: expected a list of numbers, got 5"),
         ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "import the file ost.yaml beside it"),
@@ -174,9 +176,12 @@ def test_messages_of_ros_1_and_zeros_at_the_end_mean_the_same(tmp_path):
         ("equidistant", (0.1,) * 5, K, "equidistant has 4 coefficients, got 5"),
         ("plumb_bob", PLUMB_BOB, np.zeros((3, 3)), "the focal length is 0 x 0 px: the camera is not calibrated"),
         ("plumb_bob", PLUMB_BOB, np.diag([10.0, 10.0, 1.0]) @ K, "px lies outside the image of"),
+        ("plumb_bob", PLUMB_BOB, K.T, "the matrix has numbers below its diagonal, as a transposed one"),
+        ("plumb_bob", PLUMB_BOB, np.diag([0.5, 0.5, 1.0]) @ K, "on both axes alike: the matrix"),
+        ("plumb_bob", PLUMB_BOB, np.diag([1.98, 1.94, 1.0]) @ K, "on both axes alike: the matrix"),
         ("plumb_bob", PLUMB_BOB, K[:2], "camera_matrix: 3 rows of 3 numbers, but 6 numbers"),
         ("plumb_bob", PLUMB_BOB, K + 5 * np.eye(3, k=1), "a skew of 5 px"),
-        ("equidistant", (-0.9, 0.0, 0.0, 0.0), 0.5 * K, "no lens of a camera file comes within 0.5 px of it"),
+        ("equidistant", (-0.9, 0.0, 0.0, 0.0), SHORT, "no lens of a camera file comes within 0.5 px of it"),
     ],
 )  # fmt: skip
 def test_what_no_camera_file_can_hold_is_refused_in_one_line(tmp_path, model, d, k, said):
@@ -185,6 +190,25 @@ def test_what_no_camera_file_can_hold_is_refused_in_one_line(tmp_path, model, d,
         import_camera(path, MOUNTING)
     assert str(refused.value).startswith(str(path)) and said in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_width_and_height_in_each_others_place_are_refused(tmp_path):
+    info = calibration(tmp_path / "info.yaml", "plumb_bob", PLUMB_BOB)
+    info.write_text(
+        info.read_text().replace("width: 640\nimage_height: 480", "width: 480\nimage_height: 640")
+    )
+    with pytest.raises(
+        InputError, match=r"is the middle of 640 x 480 px, .*: are width and height swapped\?"
+    ):
+        import_camera(info, MOUNTING)
+
+
+def test_a_principal_point_far_down_as_in_a_picture_without_its_sky_is_imported(tmp_path):
+    low = K - np.array([[0, 0, 0], [0, 0, 170.0], [0, 0, 0]])
+    assert (
+        import_camera(calibration(tmp_path / "a.yaml", "plumb_bob", PLUMB_BOB, low), MOUNTING).camera.cy_px
+        > 0
+    )
 
 
 def kalibr(path: Path, model: str, d: tuple[float, ...], *, cameras: int = 1) -> Path:
@@ -219,6 +243,12 @@ def test_a_chain_of_several_cameras_is_refused_with_their_names(tmp_path):
 def test_other_names_of_a_lens_model_mean_the_same(tmp_path, name):
     found = import_camera(calibration(tmp_path / "other.yaml", f'"{name}"', PLUMB_BOB), MOUNTING)
     assert found == import_camera(calibration(tmp_path / "info.yaml", "plumb_bob", PLUMB_BOB), MOUNTING)
+
+
+def test_other_names_of_a_fisheye_and_no_name_of_a_model_mean_the_same(tmp_path):
+    for other, name, d in (("kannala_brandt4", "equidistant", FISHEYE), ("", "plumb_bob", PLUMB_BOB)):
+        found = import_camera(calibration(tmp_path / "other.yaml", other, d), MOUNTING)
+        assert found == import_camera(calibration(tmp_path / "info.yaml", name, d), MOUNTING)
 
 
 @pytest.mark.parametrize(
