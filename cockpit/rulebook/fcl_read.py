@@ -9,6 +9,7 @@ FCL has no word for it.
 
 import re
 from collections.abc import Callable, Mapping
+from decimal import Decimal
 from typing import Any
 
 from lark import Token, Tree
@@ -55,7 +56,7 @@ class _Reader:
         self.outputs: dict[str, dict[str, tuple[Token, list[Corner]]]] = {}
         self.known = set(LEVELS)  # names of sets and variables
         self.words: list[list[tuple[int, Token]]] = []  # of each rule, with their offsets in its sentence
-        self.labels: dict[str, int] = {}
+        self.labels: dict[str, list[int]] = {}  # number of a rule -> its places; every block counts anew
         self.places: dict[tuple[str | int, ...], Token] = {}
         self.cogs: list[tuple[Token, Token]] = []  # outputs with METHOD : COGS, and its place
 
@@ -154,10 +155,12 @@ class _Reader:
         return [found.a, *top, found.d]
 
     def ruleblock(self, parts: list[Any]) -> None:
+        own: set[str] = set()
         for part in parts[1:]:
             label, *words = part.children
-            self.require(label not in self.labels, label, "a number that no earlier rule has")
-            self.labels[str(label)] = len(self.words)
+            self.require(label not in own, label, "a number that no earlier rule has in this block")
+            own.add(str(label))
+            self.labels.setdefault(str(label), []).append(len(self.words))
             self.places["rules", len(self.words)] = label
             sentence, offsets = _sentence(words)
             self.data["rules"].append(sentence)
@@ -186,7 +189,9 @@ class _Reader:
                 return "hysteresis", self.source.expect(name, self.data["hysteresis"])
             case "because", [label, _]:
                 self.require(label in self.labels, label, "the number of a rule above")
-                return "because", self.labels[str(label)]
+                first, *others = self.labels[str(label)]
+                self.require(not others, label, "a number that the rules of one block alone have")
+                return "because", first
             case "cause", [name, _]:
                 return "causes", str(name)
         return ("without", len(self.data["without"])) if entry.data == "without" else ("method",)
@@ -277,6 +282,8 @@ def _sentence(words: list[Any]) -> tuple[str, list[tuple[int, Token]]]:
         word = token.lower() if token.lower() in FCL_WORDS else str(token)
         if token.type == "WITH":
             word = "with weight"
+        if token.type == "NUMBER":
+            word = f"{Decimal(word):f}"  # a rule has no exponents
         sentence += " " * bool(sentence and not sentence.endswith("(") and word != ")")
         offsets.append((len(sentence), token))
         sentence += word

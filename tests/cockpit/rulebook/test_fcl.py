@@ -138,6 +138,20 @@ def test_comments_cogs_brackets_ranges_and_capitals_change_nothing(old: str, new
     assert parse_fcl(FOREIGN.replace(old, new, 1), source="f.fcl", like=SHIPPED.file) == plain
 
 
+SECOND_BLOCK = "RULEBLOCK two RULE 1 : IF b IS low THEN fear IS high WITH 2.5E-1; END_RULEBLOCK\nOPTION"
+
+
+def test_every_rule_block_counts_its_rules_from_the_beginning() -> None:
+    file = parse_fcl(FOREIGN.replace("OPTION", SECOND_BLOCK, 1), source="f.fcl", like=SHIPPED.file)
+    assert file.rules[1:] == ("if b is low then fear is high with weight 0.25",)
+
+
+def test_a_cause_of_a_number_that_two_blocks_have_is_refused() -> None:
+    text = FOREIGN.replace("OPTION", SECOND_BLOCK + " BECAUSE 1 := dark;", 1)
+    with pytest.raises(InputError, match="expected a number that the rules of one block alone have"):
+        parse_fcl(text, source="f.fcl", like=SHIPPED.file)
+
+
 @pytest.mark.parametrize(
     "condition",
     [
