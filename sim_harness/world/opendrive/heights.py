@@ -69,10 +69,13 @@ def lane_heights(
     """
     heights = records(road.all("elevationProfile/elevation"), "s")
     banks = records(road.all("lateralProfile/superelevation"), "s")
-    if not any(any(r.coefficients[1:]) for r in heights) and len({r.coefficients[0] for r in heights}) < 2:
-        heights = []
     if not any(any(record.coefficients) for record in banks):
         banks = []
+    is_flat = (
+        not any(any(r.coefficients[1:]) for r in heights) and len({r.coefficients[0] for r in heights}) < 2
+    )
+    if is_flat and not banks:  # its height is the zero of the new road, as it is without heights
+        heights = []
     reader = _HeightReader(heights, banks, stretches)
     elevation = reader.points(reader.height_m, heights or banks, JUMP_M) if heights or banks else []
     lean = reader.points(reader.bank_rad, banks, JUMP_M / HALF_LANE_M) if banks else []

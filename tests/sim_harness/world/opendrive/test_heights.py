@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from sim_harness.world.opendrive.export import write_opendrive
@@ -100,6 +100,7 @@ def test_jumps_and_slopes_that_no_road_has_are_refused_with_their_place(hill, le
     lean=st.lists(st.floats(-0.06, 0.06), max_size=4),
     closed=st.booleans(),
 )
+@example(hill=[(0.0, 1.0)], lean=[0.03125], closed=False)  # one height, and a bank
 def test_export_and_import_return_any_profile(tmp_path, hill, lean, closed):
     plain = load_road("circuit").settings if closed else load_road("s_bend").settings
     road = plain.model_copy(
