@@ -5,7 +5,7 @@ ASAM OpenDRIVE 1.7.0, chapters 9.3 (lane sections), 9.4 (lane offset), 9.5 (widt
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import count, pairwise
+from itertools import chain, count, pairwise, takewhile
 
 from sim_harness.world.opendrive.located_xml import Element
 from sim_harness.world.opendrive.sections import FLIPPED, STROKE_NAMES
@@ -16,6 +16,7 @@ DRIVEN = {
     *("driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp"),
     *("bus", "taxi", "HOV", "slipLane", "mwyEntry", "mwyExit"),
 }
+_TYPES = {name.lower(): name for name in PAVED | DRIVEN}
 STROKES = {name: stroke for stroke, name in STROKE_NAMES.items()} | {
     "botts dots": Stroke.DASHED,
     "custom": Stroke.SOLID,
@@ -54,6 +55,12 @@ def records(elements: Sequence[Element], place: str, origin_m: float = 0.0) -> l
             least_m = here.start_m - origin_m
             raise there.element.error(f"{place} runs backwards: expected at least {least_m:g}")
     return found
+
+
+def lane_type(lane: Element) -> str:
+    """The type of ``lane`` in the letters of the standard: some tools write ``Driving``. Raises InputError."""
+    stated = lane.text("type")
+    return _TYPES.get(stated.lower(), stated)
 
 
 def permanent_lanes(road: Element) -> Element:
@@ -102,12 +109,21 @@ class LaneSection:
 
     def kind(self, lane_id: int) -> str:
         """The type of a lane; "none" where there is no such lane."""
-        return self.lanes[lane_id].text("type") if lane_id in self.lanes else "none"
+        return lane_type(self.lanes[lane_id]) if lane_id in self.lanes else "none"
+
+    def carriageway(self, lane_id: int) -> list[int]:
+        """``lane_id`` with the lanes up to the centre, and those beside it up to the first that is not paved."""
+        inner = range(_sign(lane_id), lane_id, _sign(lane_id))
+        beside = (
+            takewhile(lambda n: self.kind(n) in DRIVEN | PAVED, self.outwards(lane_id, side))
+            for side in (1, -1)
+        )
+        return sorted({lane_id, *inner, *chain.from_iterable(beside)})
 
     def link(self, lane_id: int, which: str) -> int | None:
-        """The id of the linked "predecessor" or "successor" of a lane; None without a link."""
+        """The id of the linked "predecessor" or "successor" of a lane; None without a link or with an empty one."""
         links = self.lanes[lane_id].all(f"link/{which}")
-        found = [link for link in links if link.attributes.get("layer") != TEMPORARY]
+        found = [link for link in links if link.attributes and link.attributes.get("layer") != TEMPORARY]
         return found[0].integer("id") if found else None
 
     def has_borders(self) -> bool:
@@ -212,7 +228,7 @@ def _sign(number: int) -> int:
 
 def _marking(mark: Element, *, outwards_is_left: bool) -> Marking:
     """The marking of a <roadMark>, whose type names the inner of two lines first, on lane 0 the left one."""
-    name = mark.text("type")
+    name = mark.text("type").lower()
     if name not in STROKES:
         raise mark.error(f"type={name!r}: expected one of {', '.join(STROKES)}")
     stroke = FLIPPED.get(STROKES[name], STROKES[name]) if outwards_is_left else STROKES[name]

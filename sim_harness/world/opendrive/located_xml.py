@@ -17,6 +17,8 @@ from trepid.config import InputError
 from trepid.files.decoding import UndecodableText, decode_text, mark_and_encoding, refuse_packed
 
 MAX_COORDINATE = 1e9  # beyond any coordinate on Earth [m]
+_DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([\w.:-]+)""")
+_LATE_DECLARATION = re.compile(r"\A(\s+)(<\?xml[^>\n]*\?>)")
 _START_TAG = re.compile(
     r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>|<!DOCTYPE[^\[>]*(?:\[.*?\]\s*)?>|<(?=[^/!?])", re.S
 )
@@ -119,14 +121,13 @@ def read_xml(path: Path) -> Element:
         data = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    mark, encoding = mark_and_encoding(data)
-    told = bool(mark) or encoding != "utf-8" or b"\0" in data  # then the declared encoding does not count
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, encoding="utf-8" if told else None)
     try:
         refuse_packed(data)
-        data = decode_text(data).encode() if told else data
-        root = etree.fromstring(data, parser)
-        text = data.decode("utf-8" if told else root.getroottree().docinfo.encoding or "utf-8")
+        text = _text_by_bytes(data)
+        encoding = None if text is None else "utf-8"
+        parser = etree.XMLParser(resolve_entities=False, no_network=True, encoding=encoding)
+        root = etree.fromstring(data if text is None else text.encode(), parser)
+        text = data.decode(root.getroottree().docinfo.encoding) if text is None else text
     except etree.XMLSyntaxError as error:
         line, column = error.position
         what = parser.error_log[0].message if len(parser.error_log) else str(error)
@@ -136,3 +137,18 @@ def read_xml(path: Path) -> Element:
     except (LookupError, ValueError) as error:
         raise InputError(f"{path}:1:1: not valid XML: {error}") from error
     return Element(path, text.replace("\r\n", "\n"), root)
+
+
+def _text_by_bytes(data: bytes) -> str | None:
+    """The text in ``data``, where a mark, zero bytes or UTF-8 decide; None where another encoding is declared.
+
+    Text that is called UTF-8 and is none is in the code page of Windows. Blanks and lines above the declaration
+    stay, and the declaration, which XML allows in the first place only, is blanked. Raises UndecodableText.
+    """
+    mark, encoding = mark_and_encoding(data)
+    is_marked = bool(mark) or encoding != "utf-8" or b"\0" in data
+    declared = _DECLARED.match(data)
+    if not is_marked and declared is not None and declared[1].lower() not in (b"utf-8", b"utf8"):
+        return None
+    text = decode_text(data, windows=True)
+    return _LATE_DECLARATION.sub(lambda found: found[1] + " " * len(found[2]), text)

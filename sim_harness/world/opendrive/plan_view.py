@@ -170,9 +170,11 @@ def _length_m(element: Element) -> float:
 
 def _piece(element: Element, length_m: float) -> Piece:
     origin = element.number("x"), element.number("y"), element.number("hdg")
-    shapes = [child for child in element.all("*") if child.tag not in ("userData", "include", "dataQuality")]
-    if len(shapes) != 1 or shapes[0].tag not in SHAPES:
-        found = ", ".join(f"<{child.tag}>" for child in shapes) or "nothing"
+    shapes = [
+        child for child in element.all("*") if child.tag in SHAPES
+    ]  # others are of the tool that wrote it
+    if len(shapes) != 1:
+        found = ", ".join(f"<{child.tag}>" for child in element.all("*")) or "nothing"
         raise element.error(f"expected one of {', '.join(SHAPES)}, got {found}")
     return Piece(element, element.number("s"), length_m, origin, _shape(shapes[0], length_m))
 
@@ -188,13 +190,14 @@ def _shape(element: Element, length_m: float) -> Shape:
         return Clothoid(start, (end - start) / length_m)
     if element.tag == "poly3":
         return Cubic(Polynomial([0.0, 1.0]), Polynomial([element.number(name) for name in "abcd"]), None)
-    ranges = {"arcLength": 1.0, "normalized": 1.0 / length_m}
-    kind = element.attributes.get("pRange", "normalized")
-    if kind not in ranges:
-        raise element.error(f"pRange={kind!r}: expected {' or '.join(ranges)}")
+    scales = {"arcLength": 1.0, "normalized": 1.0 / length_m}
+    stated = element.attributes.get("pRange", "normalized")
+    kind = next((name for name in scales if name.lower() == stated.lower()), None)
+    if kind is None:
+        raise element.error(f"pRange={stated!r}: expected {' or '.join(scales)}")
     u = Polynomial([element.number(f"{name}U") for name in "abcd"])
     v = Polynomial([element.number(f"{name}V") for name in "abcd"])
-    cubic = Cubic(u, v, ranges[kind])
-    if not all(math.hypot(u.deriv()(p), v.deriv()(p)) > 0.0 for p in (0.0, length_m * ranges[kind])):
+    cubic = Cubic(u, v, scales[kind])
+    if not all(math.hypot(u.deriv()(p), v.deriv()(p)) > 0.0 for p in (0.0, length_m * scales[kind])):
         raise element.error("this curve has no direction at an end: expected bU or bV other than 0")
     return cubic

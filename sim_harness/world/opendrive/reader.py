@@ -28,6 +28,7 @@ from sim_harness.world.opendrive.lane_table import (
     CubicRecord,
     LaneSection,
     active,
+    lane_type,
     permanent_lanes,
     records,
 )
@@ -96,7 +97,7 @@ def _is_driven(road: Element) -> bool:
     """Whether the first lane section of ``road`` has a driving lane."""
     first = permanent_lanes(road).first("laneSection") if road.first("lanes") else None
     lanes = () if first is None else (*first.all("left/lane"), *first.all("right/lane"))
-    return any(lane.attributes.get("type") in DRIVEN for lane in lanes)
+    return any(lane_type(lane) in DRIVEN for lane in lanes if "type" in lane.attributes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +190,7 @@ class _LaneReader:
         self._length_m = self._pieces[-1].start_m + self._pieces[-1].length_m
         self._offsets = records(permanent_lanes(road).all("laneOffset"), "s")
         shifted = [record for record in self._offsets if any(record.coefficients)]
-        rule = road.attributes.get("rule", "RHT")
+        rule = road.attributes.get("rule", "RHT").upper()
         if rule not in ("RHT", "LHT"):
             raise road.error(f"rule={rule!r}: expected RHT or LHT")
         forward_sign = -1 if rule == "RHT" else 1
@@ -280,7 +281,7 @@ class _LaneReader:
         """``stretch``, halved until the lane widths are linear within WIDTH_TOLERANCE_M."""
         start_m, middle_m, end_m = stretch.start_m, stretch.middle_m, stretch.end_m
         section = stretch.section
-        for lane in (n for n in section.lanes if n and section.kind(n) in DRIVEN):
+        for lane in (n for n in section.carriageway(stretch.lane) if section.kind(n) in DRIVEN):
             section.check_width(lane, middle_m)
             if end_m - start_m > 3 * SLIVER_M:
                 section.check_width(lane, start_m + SLIVER_M)

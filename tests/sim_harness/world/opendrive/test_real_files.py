@@ -443,6 +443,69 @@ def test_a_marking_without_a_place_is_that_of_the_whole_lane(tmp_path):
     assert read_opendrive(marked).settings == with_place
 
 
+def test_a_lane_beyond_a_strip_of_grass_may_be_narrower_than_nothing(tmp_path):
+    broken = lane(2, width=cubic("width", (0.0, 3.5, -0.05, 0.0, 0.0)))
+    path = straight(tmp_path, lane(-1), lane(1, kind="none") + broken)
+    assert Road(read_opendrive(path).settings).length_m == pytest.approx(80.0)
+    with pytest.raises(InputError, match=r"lane 2.*: its width is -0\.49"):
+        read_opendrive(straight(tmp_path, lane(-1), lane(1, kind="median") + broken))
+
+
+STRAIGHT = road("1", shapes((100.0, LINE)), ONE)
+ODD_TEXTS = {
+    "an element of another tool in a geometry": lambda text: text.replace(
+        "<line/>", "<line/><scene id='1'/>"
+    ).encode(),
+    "other letters": lambda text: (
+        text.replace("driving", "Driving")
+        .replace('"broken"', '"Broken"')
+        .replace("<road ", '<road rule="rht" ')
+        .encode()
+    ),
+    "an empty link": lambda text: text.replace(
+        "<link></link>", "<link><predecessor/><successor/></link>"
+    ).encode(),
+    "blank lines above the declaration": lambda text: b"\n \n" + text.encode(),
+    "the code page of Windows called UTF-8": lambda text: (
+        text.replace('<?xml version="1.0"?>', '<?xml version="1.0" encoding="UTF-8"?>')
+        .replace("<OpenDRIVE>", "<OpenDRIVE><!-- größer – gemessen -->")
+        .encode("cp1252")
+    ),
+    "a declared code page": lambda text: (
+        text.replace('"1.0"?', '"1.0" encoding="windows-1252"?')
+        .replace("<OpenDRIVE>", "<OpenDRIVE><!-- größer – gemessen -->")
+        .encode("cp1252")
+    ),
+}
+
+
+@pytest.mark.parametrize("odd", ODD_TEXTS)
+def test_a_road_means_the_same_however_its_text_is_written(tmp_path, odd):
+    path = write_roads(tmp_path, STRAIGHT)
+    plain, text = read_opendrive(path), path.read_text()
+    data = ODD_TEXTS[odd](text)
+    assert data != text.encode()
+    path.write_bytes(data)
+    assert read_opendrive(path) == plain
+
+
+def test_an_error_below_blank_lines_above_the_declaration_has_its_line(tmp_path):
+    path = write_roads(tmp_path, STRAIGHT)
+    path.write_text("\n\n" + path.read_text().replace('a="3.5"', 'a="x"', 1))
+    with pytest.raises(InputError, match=r"real\.xodr:5:\d+: <width>"):
+        read_opendrive(path)
+
+
+@pytest.mark.parametrize("name", ["normalized", "Normalized"])
+def test_the_range_of_a_curve_is_read_in_capitals_too(tmp_path, name):
+    curve = '<paramPoly3 aU="0" bU="80" cU="0" dU="0" aV="0" bV="0" cV="6" dV="0" pRange="{}"/>'
+    found = [
+        read_opendrive(write_roads(tmp_path, road("1", shapes((80.6, curve.format(each))), ONE))).settings
+        for each in ("normalized", name)
+    ]
+    assert found[0] == found[1]
+
+
 def test_a_link_to_the_centre_is_refused(tmp_path):
     sections = section(0.0, right=lane(-1, after=0)) + section(50.0, right=lane(-1))
     with pytest.raises(InputError, match="lane -1 ends here: expected a lane 0"):
