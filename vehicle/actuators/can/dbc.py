@@ -19,15 +19,8 @@ from vehicle.actuators.can.invalid import INVALID_ATTRIBUTES
 _KEYWORDS = (
     *("VERSION", "NS_", "BS_", "BU_", "BO_", "SG_", "EV_", "CM_", "VAL_", "VAL_TABLE_", "BO_TX_BU_"),
     *("BA_", "BA_DEF_", "BA_DEF_DEF_", "BA_DEF_SGTYPE_", "BA_SGTYPE_", "BA_REL_", "BA_DEF_REL_"),
-    *(
-        "BA_DEF_DEF_REL_",
-        "SIG_VALTYPE_",
-        "SIG_TYPE_REF_",
-        "SIG_GROUP_",
-        "SG_MUL_VAL_",
-        "SGTYPE_",
-        "ENVVAR_DATA_",
-    ),
+    *("BA_DEF_DEF_REL_", "SIG_VALTYPE_", "SIG_TYPE_REF_", "SIG_GROUP_"),
+    *("SG_MUL_VAL_", "SGTYPE_", "ENVVAR_DATA_"),
 )
 _MARK = re.compile(
     r"//[^\n]*"
@@ -52,6 +45,9 @@ _ATTRIBUTE = re.compile(
     r'\s*(?:BA_DEF_|BA_DEF_DEF_|BA_)\s+(?:BO_\s+|SG_\s+)?"(?P<attribute>\w+)"'
     r"(?:\s+(?:BO_|SG_)\s+(?P<id>\d+)(?:\s+(?P<name>\w+))?)?"
 )
+_ENUM_TEXT = re.compile(r'(\A\s*BA_\s+"(\w+)"\s+(?:BO_\s+\d+|SG_\s+\d+\s+\w+)?\s*)"([^"]*)"')
+_TYPE = re.compile(r"(\A\s*SIG_VALTYPE_\s+\d+\s+\w+\s+)(?=\d)")  # without the colon of CANdb++
+_WHOLE = re.compile(r'"[^"]*"|(-?\d+)\.0*(?=\s)')  # 255.0 for a raw value
 _LONG = re.compile(
     r'\s*BA_\s+"System(?:Message|Signal)LongSymbol"\s+(?:BO_|SG_)\s+(?P<id>\d+)\s+(?P<rest>.*)', re.DOTALL
 )
@@ -259,7 +255,7 @@ class Dbc:
                 parts.append(_plain(text))
             elif not _is_about(text, message.identifier, names):
                 parts.append(_blank(text))
-            elif found := _VALUES.match(text):
+            elif found := _VALUES.match(_WHOLE.sub(lambda part: part[1] or part[0], text)):
                 table = self._tables.get(found["values"].strip())
                 named = found["values"] if table is None else f" {table}"
                 if (first := values.setdefault(found["name"], len(parts))) == len(parts):
@@ -268,8 +264,15 @@ class Dbc:
                     parts[first] = f"{parts[first].removesuffix(';')} {' '.join(named.split())};"
                     parts.append(_blank(text))
             else:
-                parts.append(text)
+                parts.append(_TYPE.sub(r"\1: ", _ENUM_TEXT.sub(self._number_of_enum, text)))
         return "".join(parts)
+
+    def _number_of_enum(self, found: re.Match[str]) -> str:
+        """The statement of an attribute whose value is a name of its enumeration, with the number of that name."""
+        definition = re.compile(rf'^[ \t]*BA_DEF_\s+(?:BO_\s+|SG_\s+)?"{found[2]}"\s+ENUM\s([^;]*);', re.M)
+        stated = definition.search(self._text)
+        names = re.findall(r'"([^"]*)"', stated[1]) if stated else []
+        return f"{found[1]}{names.index(found[3])}" if found[3] in names else found[0]
 
     def _line(self, statement: int) -> int:
         start, end = self._statements[statement]

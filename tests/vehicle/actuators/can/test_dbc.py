@@ -151,7 +151,23 @@ def test_a_dbc_is_read_in_the_encodings_of_its_editors(tmp_path, encoding):
     assert message.get_signal_by_name("YAW_RATE").unit == "°/s"
 
 
+@pytest.mark.parametrize("stated", ["SIG_VALTYPE_ 36 S : 1;\n", "SIG_VALTYPE_ 36 S 1;\n"])
+def test_a_float_is_one_with_and_without_the_colon_of_its_statement(tmp_path, stated):
+    dbc = tmp_path / "float.dbc"
+    dbc.write_text(f'BO_ 36 M: 8 X\n SG_ S : 0|32@1- (1,0) [0|0] "km/h" X\n\n{stated}')
+    assert Dbc(dbc).message("M", {"S"}).signals[0].is_float
+
+
+def test_the_name_of_a_frame_format_means_its_number(tmp_path):
+    dbc = tmp_path / "format.dbc"
+    formats = 'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","StandardCAN_FD";\n'
+    stated = 'BA_ "VFrameFormat" BO_ 36 "StandardCAN_FD";\n'
+    dbc.write_text(f'BO_ 36 M: 64 X\n SG_ S : 400|8@1+ (1,0) [0|0] "" X\n\n{formats}{stated}')
+    assert Dbc(dbc).message("M", {"S"}).is_fd
+
+
 VALUES_OF_S = {
+    "with decimal points": 'VAL_ 36 S 65535.0 "SNA" 65534. "Error" 0.00 "standstill";\n',
     "in one statement": 'VAL_ 36 S 65535 "SNA" 65534 "Error" 0 "standstill";\n',
     "in two statements": 'VAL_ 36 S 65535 "SNA" 65534 "Error";\nVAL_ 36 S 0 "standstill";\n',
     "in two statements over three lines": 'VAL_ 36 S 65535 "SNA"\n  65534 "Error" ;\nVAL_ 36 S 0 "standstill" ;\n',
