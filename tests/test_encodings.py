@@ -189,3 +189,11 @@ def test_a_file_of_zero_bytes_is_refused_by_its_name(tmp_path: Path, form: str) 
     file.write_bytes(bytes(file.stat().st_size))
     with pytest.raises(InputError, match=rf"{file.name}:1:1: .*only zero bytes, as after a loss of power"):
         read(file)
+
+
+@pytest.mark.parametrize("form", ["table of a data set", "table of a drive"])
+def test_a_table_is_one_by_its_name_in_capitals_too(tmp_path: Path, form: str) -> None:
+    write, read = FORMATS[form]
+    file = write(tmp_path)
+    expected = read(file)
+    assert read(file.rename(file.with_suffix(".CSV"))) == expected

@@ -74,14 +74,15 @@ def read_log(path: Path, renamed: Mapping[str, str] | None = None) -> DriveLog:
     A minus before the column reverses its sign. Raises InputError.
     """
     readers = {".mcap": _from_recording, ".npz": _from_trace}
-    if path.suffix == ".csv":
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
         return _from_table(path, renamed or {})
-    if path.suffix not in readers:
+    if suffix not in readers:
         raise InputError(f"{path}: expected a recording (.mcap), a trace (.npz) or a table (.csv)")
     if renamed:
         raise InputError(f"--column: {path} only the columns of a table (.csv) can be renamed")
     try:
-        return readers[path.suffix](path)
+        return readers[suffix](path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 

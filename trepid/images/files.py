@@ -11,7 +11,12 @@ from trepid.config import InputError
 from trepid.types import Image
 
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"})
-VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
+VIDEO_SUFFIXES = frozenset(
+    {
+        *(".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".3gp", ".flv", ".wmv"),
+        *(".ts", ".mts", ".m2ts", ".mpg", ".mpeg"),  # MPEG streams, as dash cameras and camcorders write
+    }
+)
 NOMINAL_FPS = 25.0  # for videos without a frame rate
 _MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
 """A marker of a JPEG; within a scan, data and restart marks are none."""

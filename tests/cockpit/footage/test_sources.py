@@ -215,3 +215,18 @@ def test_a_video_that_is_cut_short_gives_its_frames_before_it_is_refused(tmp_pat
         for shot in source.shots():
             found.append(shot.number)
     assert len(found) >= 4
+
+
+@pytest.mark.parametrize(
+    ("name", "code"), [("a.ts", "mp4v"), ("a.MTS", "mp4v"), ("a.flv", "FLV1"), ("a.wmv", "WMV2")]
+)
+def test_the_videos_of_dash_cameras_and_older_recorders_are_read_by_their_stamps(tmp_path, name, code):
+    plain = tmp_path / name.lower().replace(".mts", ".ts")
+    writer = cv2.VideoWriter(str(plain), cv2.VideoWriter.fourcc(*code), 20.0, (64, 48))
+    for grey in range(0, 200, 20):
+        writer.write(np.full((48, 64, 3), grey, np.uint8))
+    writer.release()
+    (source,) = sources(plain.rename(tmp_path / name))
+    shots = list(source.shots())
+    assert [round(shot.t_s, 3) for shot in shots] == [round(0.05 * n, 3) for n in range(10)]
+    assert np.allclose([shot.image.mean() for shot in shots], range(0, 200, 20), atol=4)
