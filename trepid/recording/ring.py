@@ -24,9 +24,7 @@ from trepid.config import CONFIG_DIR, ROOT, InputError, load
 from trepid.messages import Diagnostic
 from trepid.processes.drive_settings import DriveSettings, RingSettings
 from trepid.processes.register import choose, running
-from trepid.recording.foreign import in_order
 from trepid.recording.notes import RULES_FROM_S
-from trepid.recording.reader import read_recording
 from trepid.recording.writer import BEGAN, Recording, attach_adopted, remove
 from trepid.topics import DIAGNOSTICS
 from trepid.wire import WireError, from_cdr
@@ -178,6 +176,9 @@ def newest() -> Path:
 
 def keep_parts(folder: Path, out: Path) -> None:
     """Join the parts in ``folder`` into the new recording ``out``, whole or not at all. Raises InputError."""
+    from trepid.recording.foreign import in_order  # only the process that joins reads recordings
+    from trepid.recording.reader import read_recording
+
     # a part that has just been begun is still empty
     parts = [part for part in sorted(folder.glob("*.mcap")) if part.stat().st_size]
     if not parts:
