@@ -38,6 +38,11 @@ for path in sorted(Path(sysconfig.get_path("platlib"), "casadi").glob("lib*.so*"
 endef
 export LINK_COPIES
 
+# Imported once at set-up, so that their byte code is not written by many processes at once, nor while a car drives.
+USED := import casadi, control, torch, sim_harness.live.vehicle_node, sim_harness.lockstep.closed_loop, \
+	cockpit.page.node, trepid.recording.node
+export USED
+
 # Keep byte code, also where the environment says otherwise: the tests start Python hundreds of times.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -71,15 +76,17 @@ $(READY): pyproject.toml constraints.txt
 	@touch $(READY)
 	@echo "== $(VENV) is ready to drive"
 
-# The laboratory without its dependencies: the peers of its benchmarks take 250 MB, which no test needs. Byte code is
-# written where it is used: compiling all of torch and its dependencies would take half a minute.
-$(TESTED): $(READY) lab/pyproject.toml
-	@echo "== adding what the tests need, and the laboratory"
+# The laboratory without its dependencies: the peers of its benchmarks take 250 MB, which no test needs. Packages are
+# sought once, for driving and for tests. Byte code is written where it is used: compiling all would take a minute.
+$(TESTED): pyproject.toml constraints.txt lab/pyproject.toml
+	@echo "== setting up $(VENV) for driving and for tests (once; pip packages only)"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(PIP) --no-compile -e '.[test]'
-	@$(BIN)/python -c 'import torch'  # once here, not at once in each process of the tests
+	@$(BIN)/python -c "$$LINK_COPIES"
+	@$(BIN)/python -c "$$USED"
 	@$(PIP) --no-deps --no-build-isolation -e lab
-	@touch $(TESTED)
-	@echo "== $(VENV) is ready to test"
+	@touch $(READY) $(TESTED)
+	@echo "== $(VENV) is ready to drive and to test"
 
 drive: $(READY)
 	@echo "== trepid drive $(ARGS)"
@@ -99,7 +106,7 @@ inputs: $(TESTED)
 
 long: $(TESTED)
 	@echo "== pytest -m long"
-	@$(BIN)/python -m pytest -n 2 --dist worksteal -m "long and not processes and not proof" $(LONG_TESTS) $(ARGS)
+	@$(BIN)/python -m pytest -n 3 --dist worksteal -m "long and not processes and not proof" $(LONG_TESTS) $(ARGS)
 
 live: $(TESTED)
 	@echo "== pytest -m processes"
