@@ -1,6 +1,7 @@
 """Unknown cameras on rendered winding drives."""
 
 from functools import cache
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ SEED, NUMBER = 7, 2  # double yellow line
 @cache
 def drive():
     one = unknown_drive(SEED, NUMBER)
-    return one.camera, tuple(one.moments())[:130]
+    return one.camera, tuple(islice(one.moments(), 130))
 
 
 def assumed_camera(**changes):

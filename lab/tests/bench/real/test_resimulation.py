@@ -1,5 +1,8 @@
 from dataclasses import replace
+from functools import cache
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +20,12 @@ pytestmark = pytest.mark.long
 GAIN = 0.4  # of yaw rate over speed times steering
 
 
+@cache
+def moments() -> tuple[Any, ...]:
+    """The first moments of a winding drive, rendered once for all tests."""
+    return tuple(islice(unknown_drive(5, 0).moments(), 160))
+
+
 def pictures(pause_s: float = 0.0, *, count: int = 160, speed_mps: float | None = None) -> list[Picture]:
     """A rendered winding drive with a steering that its yaw rates follow from; a pause after 20 frames."""
     drive = unknown_drive(5, 0)
@@ -29,8 +38,7 @@ def pictures(pause_s: float = 0.0, *, count: int = 160, speed_mps: float | None 
             steering_rad=drive.course.yaw_rate_radps(one.t_s) / drive.course.speed_mps / GAIN,
             speed_mps=speed_mps,
         )
-        for number, one in enumerate(drive.moments())
-        if number < count
+        for number, one in enumerate(moments()[:count])
     ]
 
 

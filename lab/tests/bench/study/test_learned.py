@@ -23,13 +23,18 @@ from learning.training.recipe import load_recipe
 pytestmark = pytest.mark.long
 
 
+@pytest.fixture(scope="module")
+def small_set(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    folder = tmp_path_factory.mktemp("drive")
+    return made_dataset(folder / "set", write_tub(folder / "tub"), options=("--lock-deg", "20"))
+
+
 @pytest.fixture
-def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Dataset:
+def data(small_set: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Dataset:
     """A small data set in place of the drives."""
-    made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"), options=("--lock-deg", "20"))
-    monkeypatch.setattr(learned, "study_sets", lambda seed: learned.Sets(made, made))
+    monkeypatch.setattr(learned, "study_sets", lambda seed: learned.Sets(small_set, small_set))
     monkeypatch.setattr(learned, "WORK_DIR", tmp_path)
-    return made
+    return small_set
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from drive_rig import made_dataset, write_table, write_tub  # noqa: F401
 from lab.bench.imitation.training_code import one_stage
 from lab.bench.study import learned, papers
 from lab.bench.study.papers import AUTO_ENCODER, NETWORKS, PAPER, Contestant, bench_deep_steer, changes_of
+from learning.dataset.dataset import Dataset
 from learning.models.catalogue import MODELS
 from learning.rendered import say
 from learning.training.recipe import load_recipe
@@ -31,11 +32,16 @@ def test_every_network_of_the_paper_is_trained_at_its_size_on_a_gpu_and_smaller_
     assert {"vgg16", "vgg19", "inception-v3", "inception-rnn", "inception-rnn-as-printed"} < set(NETWORKS)
 
 
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    folder = tmp_path_factory.mktemp("drive")
+    return made_dataset(folder / "set", write_tub(folder / "tub"), options=("--lock-deg", "20"))
+
+
 @pytest.fixture
-def tiny_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def tiny_study(data: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A small data set in place of the drives, and networks of a moment."""
-    made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"), options=("--lock-deg", "20"))
-    monkeypatch.setattr(papers, "study_sets", lambda seed: learned.Sets(made, made))
+    monkeypatch.setattr(papers, "study_sets", lambda seed: learned.Sets(data, data))
     monkeypatch.setattr(learned, "WORK_DIR", tmp_path)
     monkeypatch.setattr(papers, "NETWORKS", {"steer": TINY, "steer-lstm": TINY | {"window": "2"}})
 
@@ -53,8 +59,7 @@ def test_a_study_that_is_started_again_trains_nothing_twice_and_states_its_recip
 
 
 @pytest.mark.long
-def test_the_errors_are_those_of_the_exported_network(tmp_path: Path):
-    data = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"), options=("--lock-deg", "20"))
+def test_the_errors_are_those_of_the_exported_network(data: Dataset, tmp_path: Path):
     row = papers.trained_row(
         Contestant("steer", tuple(TINY.items()), data.folder, data.folder, tmp_path / "steer")
     )
@@ -66,8 +71,7 @@ def test_the_errors_are_those_of_the_exported_network(tmp_path: Path):
 
 
 @pytest.mark.long
-def test_a_training_that_leaves_the_finite_numbers_has_a_row_that_says_so(tmp_path: Path):
-    data = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"), options=("--lock-deg", "20"))
+def test_a_training_that_leaves_the_finite_numbers_has_a_row_that_says_so(data: Dataset, tmp_path: Path):
     wild = TINY | {"stages": one_stage(2, 1.0e30), "optimiser": "sgd"}
     row = papers.trained_row(
         Contestant("steer", tuple(wild.items()), data.folder, data.folder, tmp_path / "wild")
