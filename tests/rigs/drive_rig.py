@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -38,7 +39,15 @@ def write_pictures(folder: Path, names: list[str], steering: Column) -> None:
     """One JPEG a name."""
     folder.mkdir(parents=True, exist_ok=True)
     for number, name in enumerate(names):
-        assert cv2.imwrite(str(folder / name), picture(float(steering[number]), number))
+        (folder / name).write_bytes(jpeg_of(float(steering[number]), number))
+
+
+@cache
+def jpeg_of(steering: float, number: int) -> bytes:
+    """The picture as a JPEG, encoded once: most drives of the tests steer alike."""
+    done, data = cv2.imencode(".jpg", picture(steering, number))
+    assert done
+    return data.tobytes()
 
 
 def write_tub(

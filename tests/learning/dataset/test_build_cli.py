@@ -22,7 +22,7 @@ def refusal(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
 def test_a_truncated_image_is_named_and_left_out_with_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tub = write_tub(tmp_path / "tub")
+    tub = write_tub(tmp_path / "tub", 60)
     image = tub / "images" / "7_cam_image_array_.jpg"
     image.write_bytes(image.read_bytes()[:300])
     (tub / "images" / "9_cam_image_array_.jpg").unlink()
@@ -36,7 +36,7 @@ def test_a_truncated_image_is_named_and_left_out_with_exit_code_1(
 def test_strict_refuses_the_first_image_that_cannot_be_read(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tub = write_tub(tmp_path / "tub")
+    tub = write_tub(tmp_path / "tub", 60)
     (tub / "images" / "9_cam_image_array_.jpg").unlink()
     assert "9_cam_image_array_.jpg" in refusal(capsys, tmp_path / "set", tub, "--strict")
     assert not (tmp_path / "set").exists()
@@ -72,7 +72,7 @@ def test_time_that_runs_back_in_a_drive_is_named_and_counted(
 
 
 def test_an_image_of_another_size_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    tub = write_tub(tmp_path / "tub")
+    tub = write_tub(tmp_path / "tub", 60)
     cv2.imwrite(str(tub / "images" / "5_cam_image_array_.jpg"), np.full((20, 30, 3), 90, np.uint8))
     made = made_dataset(tmp_path / "set", tub, code=1)
     assert made.rows()["split"][5] == "none"
@@ -98,9 +98,9 @@ def test_a_wrong_option_is_named(
 
 def test_two_drives_of_one_name_are_two_routes(tmp_path: Path) -> None:
     made = made_dataset(
-        tmp_path / "set", write_udacity(tmp_path / "a" / "log"), write_udacity(tmp_path / "b" / "log")
+        tmp_path / "set", write_udacity(tmp_path / "a" / "log", 60), write_udacity(tmp_path / "b" / "log", 60)
     )
-    assert Counter(made.rows()["route"].tolist()) == {"log#0": 400, "log#1": 400}
+    assert Counter(made.rows()["route"].tolist()) == {"log#0": 60, "log#1": 60}
 
 
 def test_drives_in_different_units_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -115,9 +115,9 @@ def test_drives_in_different_units_are_refused(tmp_path: Path, capsys: pytest.Ca
 def test_the_summary_as_json_states_splits_and_wheel(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    made_dataset(tmp_path / "set", write_udacity(tmp_path / "log"), options=("--json",))
+    made_dataset(tmp_path / "set", write_udacity(tmp_path / "log", 300), options=("--json",))
     summary = json.loads(capsys.readouterr().out)
-    assert summary["frames"] == 400
+    assert summary["frames"] == 300
     assert summary["splits"]["train"] > summary["splits"]["test"] > 0
     assert summary["wheel"]["how"].startswith("assumed 25°")
 
@@ -140,7 +140,7 @@ def test_an_option_without_effect_is_refused(
 
 
 def test_frames_are_left_out_by_rule(tmp_path: Path) -> None:
-    tub = write_tub(tmp_path / "tub")
+    tub = write_tub(tmp_path / "tub", 300)
     for number in range(61, 90):
         shutil.copyfile(tub / "images/60_cam_image_array_.jpg", tub / f"images/{number}_cam_image_array_.jpg")
     made = made_dataset(tmp_path / "set", tub, options=("--leave-out", "frozen", "--leave-out", "dark"))

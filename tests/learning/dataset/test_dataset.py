@@ -1,5 +1,6 @@
 """A data set: what its rows hold, how its images are read, and what is refused."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,7 @@ def test_the_hash_is_that_of_the_labels(made_set: Dataset) -> None:
 
 
 def test_the_same_sources_make_the_same_data_set(tmp_path: Path) -> None:
-    tub = write_tub(tmp_path / "tub")
+    tub = write_tub(tmp_path / "tub", 60)
     assert made_dataset(tmp_path / "a", tub).sha256 == made_dataset(tmp_path / "b", tub).sha256
 
 
@@ -64,7 +65,7 @@ def test_an_unknown_split_is_refused(made_set: Dataset) -> None:
 def test_a_split_without_labelled_frames_is_refused_with_what_makes_some(
     tmp_path: Path, options: tuple[str, ...], remedy: str
 ) -> None:
-    frames = 40 if not options else 400
+    frames = 40 if not options else 200
     made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", frames), options=options)
     with pytest.raises(InputError, match=rf"no labelled frame in the split 'test' \(train \d+, .*{remedy}"):
         made.labelled_rows("test")
@@ -76,29 +77,30 @@ def test_a_folder_that_is_no_data_set_is_refused(tmp_path: Path) -> None:
         Dataset.open(tmp_path)
 
 
-def test_a_data_set_of_another_version_is_refused(tmp_path: Path) -> None:
-    made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"))
+def test_a_data_set_of_another_version_is_refused(made_set: Dataset, tmp_path: Path) -> None:
+    shutil.copytree(made_set.folder, tmp_path / "set")
     card = tmp_path / "set" / CARD
     card.write_text(card.read_text().replace("version: 1", "version: 2"))
     with pytest.raises(InputError, match="version 2, expected 1"):
         Dataset.open(tmp_path / "set")
 
 
-def test_an_index_that_was_changed_or_cut_is_refused(tmp_path: Path) -> None:
-    made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"))
-    index = made.folder / INDEX
+def test_an_index_that_was_changed_or_cut_is_refused(made_set: Dataset, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    shutil.copytree(made_set.folder, folder)
+    index = folder / INDEX
     whole = index.read_bytes()
     index.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"index\.parquet: cannot be read"):
-        Dataset.open(made.folder)
-    made_dataset(tmp_path / "other", write_tub(tmp_path / "tub", 420))
+        Dataset.open(folder)
+    made_dataset(tmp_path / "other", write_tub(tmp_path / "tub", 60))
     index.write_bytes((tmp_path / "other" / INDEX).read_bytes())
     with pytest.raises(InputError, match="was changed"):
-        Dataset.open(made.folder)
+        Dataset.open(folder)
 
 
 def test_images_that_were_moved_are_missed_by_name(tmp_path: Path) -> None:
-    tub = write_tub(tmp_path / "tub")
+    tub = write_tub(tmp_path / "tub", 60)
     made = made_dataset(tmp_path / "set", tub)
     tub.rename(tmp_path / "elsewhere")
     with pytest.raises(InputError, match="are not there any more"):
@@ -108,7 +110,7 @@ def test_images_that_were_moved_are_missed_by_name(tmp_path: Path) -> None:
 def test_a_build_that_is_interrupted_leaves_the_old_data_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tub = write_tub(tmp_path / "tub")
+    tub = write_tub(tmp_path / "tub", 60)
     made_dataset(tmp_path / "set", tub)
 
     def interrupt(*_: object) -> None:
@@ -124,7 +126,7 @@ def test_a_build_that_is_interrupted_leaves_the_old_data_set(
 def test_a_folder_with_another_file_of_that_name_is_not_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tub = write_tub(tmp_path / "tub")
+    tub = write_tub(tmp_path / "tub", 60)
     (tmp_path / "set").mkdir()
     (tmp_path / "set" / CARD).write_text("path: mine\nnames: [lane]\n")
     assert run("dataset", "build", str(tmp_path / "set"), str(tub)) == 2

@@ -16,7 +16,7 @@ from learning.dataset.dataset import Dataset, sha256_of, write
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("export")
-    return made_dataset(folder / "set", write_tub(folder / "tub"), options=("--lock-deg", "20"))
+    return made_dataset(folder / "set", write_tub(folder / "tub", 300), options=("--lock-deg", "20"))
 
 
 def test_a_tub_of_a_data_set_is_built_into_the_same_data_set(data: Dataset, tmp_path: Path) -> None:

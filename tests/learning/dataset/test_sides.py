@@ -17,13 +17,14 @@ from learning.dataset.sides import BEYOND, NO_IMAGE, NOT_JUDGED, WITH_MIDDLE, re
 from perception.lane.settings import steering_settings
 
 SIDE_M, WHEELBASE_M, LOCK_DEG = 0.4, 2.6, 25.0
+FRAMES = 300  # 15 s
 OPTIONS = ("--side-camera-m", f"{SIDE_M}", "--wheelbase-m", f"{WHEELBASE_M}")
 
 
 @pytest.fixture(scope="module")
 def sides(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("sides")
-    return made_dataset(folder / "set", write_udacity(folder / "log", 400, sides=True), options=OPTIONS)
+    return made_dataset(folder / "set", write_udacity(folder / "log", FRAMES, sides=True), options=OPTIONS)
 
 
 def of_camera(rows: Rows, left_m: float) -> Rows:
@@ -63,7 +64,7 @@ def test_a_car_that_steers_by_these_angles_comes_back_to_a_straight_path():
 
 def test_every_row_says_of_which_camera_it_is_and_side_rows_steer_to_the_middle(sides: Dataset):
     rows = sides.rows()
-    assert sorted(set(rows["camera_left_m"])) == [-SIDE_M, 0.0, SIDE_M] and len(rows) == 3 * 400
+    assert sorted(set(rows["camera_left_m"])) == [-SIDE_M, 0.0, SIDE_M] and len(rows) == 3 * FRAMES
     middle, left, right = (of_camera(rows, one) for one in (0.0, SIDE_M, -SIDE_M))
     assert (left["t_s"] == middle["t_s"]).all() and (right["t_s"] == middle["t_s"]).all()
     assert "left_" in left["image"][0] and "right_" in right["image"][0]
@@ -107,7 +108,7 @@ def test_evaluate_and_the_baselines_see_recorded_labels_alone(sides: Dataset, tm
 
 
 def test_a_missing_image_of_a_side_and_a_way_back_beyond_lock_are_left_out_with_their_reason(tmp_path: Path):
-    log = write_udacity(tmp_path / "log", 400, sides=True)
+    log = write_udacity(tmp_path / "log", FRAMES, sides=True)
     lines = (log / "driving_log.csv").read_text().splitlines()
     center, _, right, *rest = lines[20].split(",")
     lines[20] = ",".join([center, "", right, *rest])
@@ -150,7 +151,7 @@ def test_without_images_of_side_cameras_their_distance_is_refused(tmp_path: Path
 
 
 def test_side_cameras_that_are_not_used_are_said(tmp_path: Path, capsys):
-    made_dataset(tmp_path / "set", write_udacity(tmp_path / "log", 400, sides=True))
+    made_dataset(tmp_path / "set", write_udacity(tmp_path / "log", 60, sides=True))
     assert "those of left and right need --side-camera-m" in capsys.readouterr().out
 
 
@@ -158,11 +159,11 @@ def test_the_card_describes_the_recorded_drive(sides: Dataset, capsys):
     run("dataset", "show", str(sides.folder), "--json")
     card = json.loads(capsys.readouterr().out)
     assert card["side_frames"] == 2 * card["splits"]["train"] // 3
-    assert card["duration_s"] == pytest.approx(399 * 0.05, abs=0.1) and len(card["routes"]) == 1
+    assert card["duration_s"] == pytest.approx((FRAMES - 1) * 0.05, abs=0.1) and len(card["routes"]) == 1
 
 
 def test_side_cameras_of_an_added_data_set_are_for_training_alone(sides: Dataset, tmp_path: Path):
-    base = made_dataset(tmp_path / "base", write_tub(tmp_path / "tub", 400), options=("--lock-deg", "25"))
+    base = made_dataset(tmp_path / "base", write_tub(tmp_path / "tub", 300), options=("--lock-deg", "25"))
     both = join_datasets(tmp_path / "both", base, [sides], "")
     sides = both.rows()[both.rows()["camera_left_m"] != 0.0]
     assert len(sides) and set(sides["split"]) <= {"train", "none"}

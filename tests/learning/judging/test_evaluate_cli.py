@@ -112,7 +112,9 @@ def test_a_network_that_always_steers_straight_has_learned_nothing(data, turn, c
 
 
 def test_a_straight_drive_is_said_to_show_nothing_about_learning(turn, tmp_path, capsys):
-    flat = made_dataset(tmp_path / "d", write_tub(tmp_path / "tub", gain=0.001), options=("--lock-deg", "25"))
+    flat = made_dataset(
+        tmp_path / "d", write_tub(tmp_path / "tub", 300, gain=0.001), options=("--lock-deg", "25")
+    )
     capsys.readouterr()
     run("evaluate", str(turn), "--data", str(flat.folder), "--json")
     (row,) = rows_of(capsys)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drive_rig import PERIOD_S, made_dataset, write_tub
+from drive_rig import PERIOD_S
 
 from learning.dataset.dataset import Rows
 from learning.dataset.motion import Delay
@@ -60,16 +60,14 @@ def test_a_single_frame_that_is_left_out_is_bridged():
     assert treat_labels(held, delay_s=0.2, smoothing_s=0.0)[[7, 8, 9]] == pytest.approx([9, 10, 11])
 
 
-def test_the_recipe_as_shipped_learns_the_recorded_labels(tmp_path):
-    data = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"))
+def test_the_recipe_as_shipped_learns_the_recorded_labels(data):
     recorded = data.rows("train")["road_wheel_rad"].astype(np.float32)
     assert (training_labels(data, load_recipe("donkey-linear", None)) == recorded).all()
     later = load_recipe("donkey-linear", None, overrides={"label_delay_s": str(PERIOD_S)})
     assert training_labels(data, later)[:-1] == pytest.approx(recorded[1:], abs=1e-4)
 
 
-def test_a_measured_delay_is_undone_and_one_that_cannot_be_measured_is_refused(tmp_path, monkeypatch):
-    data = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"))
+def test_a_measured_delay_is_undone_and_one_that_cannot_be_measured_is_refused(data, monkeypatch):
     measured = []
 
     def delay_of(rows: Rows) -> Delay:
