@@ -13,6 +13,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, get_args
@@ -23,6 +24,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
+from ruamel.yaml.scanner import Scanner
 
 from trepid.files.decoding import UndecodableText, decode_text
 from trepid.loudness import detail, warn
@@ -42,16 +44,8 @@ _DOCUMENT = re.compile(r"^(?:---|\.\.\.)[ \t]*$", re.MULTILINE)
 WHOLE_FILES = frozenset({"fear.yaml"})
 """Files of a car that replace the default as a whole, like those in folders: rules are proved together."""
 REFERENCE_FILES = frozenset(
-    {
-        "controller.yaml",
-        "lead.yaml",
-        "perception.yaml",
-        "pipelines.yaml",
-        "sight.yaml",
-        "steer_net.yaml",
-        "supervisor.yaml",
-        "tape.yaml",
-    }
+    f"{name}.yaml"
+    for name in ("controller", "lead", "perception", "pipelines", "sight", "steer_net", "supervisor", "tape")
 )
 """Settings that hold in the reference world of :mod:`trepid.scale`; a car states them in its own metres."""
 
@@ -196,24 +190,32 @@ def load(path: Path, model: type[S], *, overrides: Mapping[str, str] | None = No
     if overrides:
         return parse(read(path), model, source=path, overrides=overrides)
     over = _override_of(path)
-    above = (over, read_text(over), _enlargement(over)) if over is not None else None
-    return _load_content(path, read_text(path), above, model)
+    above = (FileText(read_text(over), over), _enlargement(over)) if over is not None else None
+    return _load_content(FileText(read_text(path), path), above, model)
+
+
+@dataclass(frozen=True, slots=True)
+class FileText:
+    """The text of a file and its place, which only messages state: files with the same text are equal."""
+
+    text: str
+    path: Path = field(compare=False)
 
 
 @lru_cache(maxsize=256)
-def _load_content(path: Path, text: str, above: tuple[Path, str, float] | None, model: type[S]) -> S:
+def _load_content(file: FileText, above: tuple[FileText, float] | None, model: type[S]) -> S:
     """By content, because reading YAML is slow: ten settings files take as long as half a second of driving."""
-    data = _mapping(text, path)
+    data = _mapping(file.text, file.path)
     if above is not None:
         _overlay_file(data, *above)
-    return parse(data, model, source=path)
+    return parse(data, model, source=file.path)
 
 
 def read(path: Path) -> CommentedMap:
     """The YAML mapping in ``path``, overridden by that of the car, with line numbers. Raises InputError."""
     data, over = _mapping(read_text(path), path), _override_of(path)
     if over is not None:
-        _overlay_file(data, over, read_text(over), _enlargement(over))
+        _overlay_file(data, FileText(read_text(over), over), _enlargement(over))
     return data
 
 
@@ -248,12 +250,12 @@ def _enlargement(over: Path) -> float:
     return REFERENCE_LANE_M / lane_m if usable else 1.0
 
 
-def _overlay_file(data: CommentedMap, over: Path, text: str, enlargement: float) -> None:
-    """Override the fields of ``data`` by those in ``text``, read from ``over``, in the reference world."""
-    above = _mapping(text, over, may_be_empty=True)
+def _overlay_file(data: CommentedMap, over: FileText, enlargement: float) -> None:
+    """Override the fields of ``data`` by those in ``over``, in the reference world."""
+    above = _mapping(over.text, over.path, may_be_empty=True)
     if enlargement != 1.0:
         scale_data(above, enlargement)
-    overlay(data, above, over)
+    overlay(data, above, over.path)
 
 
 def overlay(data: CommentedMap, over: CommentedMap, source: Path) -> None:
@@ -308,6 +310,7 @@ def read_text(path: Path, *, windows: bool = False, broken_bytes: bool = False) 
 _YAML_IN_WORDS = {
     "'\\t'": "a tab; indent by spaces",
     "expected <block end>": "wrong indentation; entries of one list or block begin in the same column",
+    "expected '<document start>'": "wrong indentation; entries of one list or block begin in the same column",
     "expected escape sequence": "a backslash in double quotes, as in paths of Windows: write '...' or C:/...",
     "found unknown escape": "a backslash in double quotes, as in paths of Windows: write '...' or C:/...",
     "mapping values are not allowed": "wrong indentation, or a text with a colon that needs quotes",
@@ -320,6 +323,7 @@ def _mapping(text: str, path: Path, *, may_be_empty: bool = False) -> CommentedM
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ReusedAnchorWarning)  # YAML takes the last one
             yaml = YAML(typ="rt")
+            yaml.Scanner = Scanner  # without comments, which take as long to gather as all else
             yaml.Constructor = _PlainConstructor
             data = yaml.load(text)
     except MarkedYAMLError as error:

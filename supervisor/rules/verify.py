@@ -64,12 +64,13 @@ def verify(rules: FearRules) -> Verdict:
 
 def load_verified(path: Path) -> FearRules:
     """The rules in the file at ``path``, fit to drive. Raises InputError with the first thing that is wrong."""
-    return _verify(path, config.read_text(path))
+    return _verify(config.FileText(config.read_text(path), path))
 
 
 @lru_cache(maxsize=16)
-def _verify(path: Path, _: str) -> FearRules:
+def _verify(file: config.FileText) -> FearRules:
     """Cached by content, because every run of a sweep loads the same rules."""
+    path = file.path
     rules = FearRules.load(path)
     problems = verify(rules).problems
     if problems:
