@@ -9,6 +9,7 @@ import runpy
 import traceback
 from collections.abc import Mapping, Set
 from enum import StrEnum
+from functools import lru_cache
 from itertools import permutations
 from pathlib import Path
 from typing import Annotated, Any, Self, get_type_hints
@@ -44,6 +45,7 @@ from trepid.config import (
     load,
     parse,
     read,
+    read_text,
     wrong_at,
 )
 from trepid.scale import PUBLIC_LANE_M, given_fields
@@ -385,7 +387,14 @@ def scenario_schema() -> str:
 
 def list_scenarios() -> list[Scenario]:
     """The scenarios of ``config/scenarios/`` and of the car, by name. Raises InputError."""
-    return [load_scenario(name, check=False) for name in default_names("scenarios")]
+    paths = (default_file(f"scenarios/{name}.yaml") for name in default_names("scenarios"))
+    return [_scenario_of(path, read_text(path)) for path in paths]
+
+
+@lru_cache(maxsize=512)
+def _scenario_of(path: Path, _: str) -> Scenario:
+    """By content, because a sweep over tags lists all scenarios more than once."""
+    return load_scenario(str(path), check=False)
 
 
 def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, check: bool = True) -> Scenario:

@@ -127,21 +127,26 @@ def test_values_are_rounded_within_their_range(low: float, width: float, share: 
     assert abs(rounded - value) <= width / 100
 
 
-def test_the_reference_drives_without_the_consequences_of_fear_and_records_the_inputs_of_its_fear(
-    tmp_path: Path,
-) -> None:
-    path = fearless(FILE, tmp_path)
-    assert FearRules.load(path).speed_factor(0.99) == 1.0
+@pytest.fixture(scope="module")
+def fearless_drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Fearless]:
+    """Rules without consequences of fear, and the drive with them."""
+    path = fearless(FILE, tmp_path_factory.mktemp("fearless"))
     (case,) = cases_with_rules(path, quick_plan())
-    drive = reference(case)
+    return path, reference(case)
+
+
+def test_the_reference_drives_without_the_consequences_of_fear_and_records_the_inputs_of_its_fear(
+    fearless_drive: tuple[Path, Fearless],
+) -> None:
+    path, drive = fearless_drive
+    assert FearRules.load(path).speed_factor(0.99) == 1.0
     fear = drive.fear_trace(FearRules.load(FILE))["decision.fear"]
     assert len(fear) == len(drive.t_s) > 150
     assert fear[np.array(drive.t_s) < 4.9].max() < 0.25 < fear[np.array(drive.t_s) > 5.2].max()
 
 
-def test_a_score_counts_the_costs_of_fear(tmp_path: Path) -> None:
-    planned = quick_plan()
-    drives = [reference(case) for case in cases_with_rules(fearless(FILE, tmp_path), planned)]
+def test_a_score_counts_the_costs_of_fear(fearless_drive: tuple[Path, Fearless], tmp_path: Path) -> None:
+    planned, drives = quick_plan(), [fearless_drive[1]]
     found = score(FILE, planned, drives, SETTINGS.costs)
     assert 0.0 < found.speed_loss < 0.5
     assert found.departures == 0
