@@ -16,6 +16,8 @@ from sim_harness.report.page import MAX_FILMS, MAX_OTHER_PICTURES, Page
 from sim_harness.report.summary import code_differences, kept_samples, summarise, worst_sample
 from sim_harness.scenarios.scenario import load_scenario
 
+LONG = pytest.mark.long  # a browser, or a second drive
+
 
 def decode(code):
     """As the page does it."""
@@ -161,6 +163,7 @@ def click(browser, selector):
     browser.find_element("css selector", selector).click()
 
 
+@LONG
 def test_the_page_requests_nothing_from_the_network_and_reports_no_error(browser, page_file):
     assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
     messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
@@ -169,6 +172,7 @@ def test_the_page_requests_nothing_from_the_network_and_reports_no_error(browser
     assert requested == {page_file.as_uri()}
 
 
+@LONG
 def test_every_run_has_a_row_and_odd_names_are_only_text(browser):
     assert len(column(browser, "seed")) == 40
     assert column(browser, "scenario")[7] == "</script><b>odd"
@@ -177,6 +181,7 @@ def test_every_run_has_a_row_and_odd_names_are_only_text(browser):
     assert browser.find_element("id", "title").text == "Forty runs & <some> %RUNS%"
 
 
+@LONG
 def test_a_click_on_a_head_sorts_from_the_worst_and_another_turns_it(browser):
     click(browser, "th[data-name=max_lateral_error_m]")
     *falling, last = column(browser, "max_lateral_error_m")
@@ -189,6 +194,7 @@ def test_a_click_on_a_head_sorts_from_the_worst_and_another_turns_it(browser):
         assert column(browser, "min_time_gap_s")[-20:] == ["–"] * 20
 
 
+@LONG
 def test_runs_are_filtered_by_status_tag_and_words(browser):
     buttons = {button.text: button for button in browser.find_elements("css selector", "#tools button")}
     buttons["failed 14"].click()
@@ -205,6 +211,7 @@ def test_runs_are_filtered_by_status_tag_and_words(browser):
     assert len(column(browser, "seed")) == 40
 
 
+@LONG
 def test_a_click_on_a_run_opens_its_path_timelines_picture_reasons_and_command(browser):
     assert browser.find_elements("css selector", ".sheet") == []
     click(browser, "#run-3")
@@ -224,6 +231,7 @@ def test_a_click_on_a_run_opens_its_path_timelines_picture_reasons_and_command(b
     assert "false" not in " ".join(values) and any(value.endswith(" m/s²") for value in values)
 
 
+@LONG
 def test_the_cursor_reads_the_run_at_its_time(browser, detail):
     series = {name: decode(code) for name, code in detail["series"].items()}
     browser.execute_script(
@@ -236,6 +244,7 @@ def test_the_cursor_reads_the_run_at_its_time(browser, detail):
     assert float(dot.get_attribute("cx")) == pytest.approx(series["x"][-1], abs=0.01)
 
 
+@LONG
 def test_a_run_without_timelines_shows_a_note_and_a_second_click_closes_it(browser):
     click(browser, "#run-9")
     assert "This run has no stored timelines" in browser.find_element("css selector", "#sheet-9").text
@@ -252,6 +261,7 @@ def overtaken():
     return result, film, summarise(scenario, result, film)
 
 
+@LONG
 def test_the_other_vehicles_and_the_rules_are_those_of_their_time(overtaken):
     result, film, detail = overtaken
     trace, found = result.trace, detail["glimpses"]
@@ -268,16 +278,19 @@ def test_the_other_vehicles_and_the_rules_are_those_of_their_time(overtaken):
     assert any("lead" in text or "gap" in text for text in found["texts"])
 
 
+@LONG
 def test_a_run_shorter_than_the_interval_of_its_film_is_summarised(overtaken):
     detail = summarise(load_scenario("cut_in", {}), overtaken[0], Film())
     assert detail["glimpses"]["others"] == detail["glimpses"]["fired"] == []
     assert detail["frames"] is None and detail["picture"] is None
 
 
+@LONG
 def test_every_figure_of_a_run_has_a_meaning(overtaken):
     assert set(overtaken[0].row()) - {"scenario", "seed", "reasons"} <= set(MEANINGS)
 
 
+@LONG
 def test_the_cursor_shows_the_frame_the_vehicles_and_the_rules_of_its_time(
     browser, overtaken, tmp_path_factory
 ):
