@@ -25,7 +25,6 @@ SHORT_ROAD = ("--scenario", "straight", "--set", "segments=[{length_m: 250}]", "
 STARVED_MS = 90.0  # three times the duration on two idle cores; with its tail no frame is fresh
 STALLED_MS = 250.0  # six frames; half a second of silence is a lost process, for which a stop is final
 pytestmark = pytest.mark.processes
-SMOKE = pytest.mark.smoke
 
 
 class LiveDrive:
@@ -110,7 +109,7 @@ def all_gone(pids: list[int], *, patience_s: float) -> bool:
     return until(lambda: not any(map(alive, pids)), patience_s=patience_s)
 
 
-@SMOKE
+@pytest.mark.smoke
 def test_a_short_drive_keeps_the_lane_with_every_process_alive() -> None:
     returncode, row = LiveDrive("--duration", "12").result()
     assert (returncode, row["status"], row["reasons"]) == (0, "passed", [])
@@ -131,9 +130,7 @@ def drive_with_harm(harm: signal.Signals, name: str) -> tuple[int, int, dict]:
     return pids[name], returncode, row
 
 
-@pytest.mark.parametrize(
-    "name", ["camera", "cv", "cnn", "supervisor", pytest.param("controller", marks=SMOKE)]
-)
+@pytest.mark.parametrize("name", ["camera", "cv", "cnn", "supervisor", "controller"])
 def test_the_car_stops_when_a_process_is_killed(name: str) -> None:
     pid, returncode, row = drive_with_harm(signal.SIGKILL, name)
     assert returncode == 1 and names_the_kill(row, name, pid)
