@@ -8,6 +8,7 @@ from sim_harness.lockstep.camera import SimulatedCamera
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
 from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.images.jpeg import JpegEncoder
 from trepid.messages import Health
@@ -30,7 +31,8 @@ def run(me: Process) -> None:
         on_springs=scenario.plant.springs is not None,
     )
     renderer.prepaint()
-    camera = SimulatedCamera(scenario, renderer)
+    wheelbase_m = load(CONFIG_DIR / "vehicle.yaml", Vehicle).wheelbase_m
+    camera = SimulatedCamera(scenario, renderer, wheelbase_m=wheelbase_m)
     me.ready()
     ticker, encoder = Ticker(scenario.camera.rate_hz), JpegEncoder()
     while me.running():

@@ -60,7 +60,12 @@ class SimulatedCamera:
     """Renders frames from the true pose, with the camera faults that are active."""
 
     def __init__(
-        self, scenario: Scenario, renderer: Pictures | None, sight_truth: SightTruth | None = None
+        self,
+        scenario: Scenario,
+        renderer: Pictures | None,
+        sight_truth: SightTruth | None = None,
+        *,
+        wheelbase_m: float,
     ) -> None:
         """Without a ``renderer`` shots have no frames, without ``sight_truth`` no sight."""
         self._faults = scenario.faults
@@ -70,7 +75,7 @@ class SimulatedCamera:
         """What draws the images."""
         plant = scenario.plant
         self._body = BodyOnSprings(plant.springs, load_kg=plant.load_kg) if plant.springs else None
-        self._plant_bank_rad = plant.bank_rad
+        self._plant_bank_rad, self._wheelbase_m = plant.bank_rad, wheelbase_m
         self._last: Image | None = None
         self._underway: list[tuple[float, FrameWithTruth]] = []  # time of arrival
 
@@ -99,14 +104,17 @@ class SimulatedCamera:
         return self._sight_truth.at(truth.station_m, pose, others(truth, self._bodies))
 
     def _attitude(self, renderer: Pictures, truth: SimTruth) -> Attitude:
-        """The attitude of the body by the forces of its tyres, which also hold its weight on a slope."""
+        """The attitude of the body by humps and by the forces of its tyres, which also hold its weight."""
         road = renderer.road
-        if self._body is None or road is None:
+        if road is None:
             return LEVEL
+        axles_rad = road.pitch_over_humps(truth.station_m, self._wheelbase_m)
+        if self._body is None:
+            return Attitude(pitch_rad=axles_rad)
         grade, lean_rad = road.grade_at(truth.station_m), self._plant_bank_rad + road.bank_at(truth.station_m)
         ahead_mps2 = truth.longitudinal_accel_mps2 + GRAVITY_MPS2 * math.sin(math.atan(grade))
         left_mps2 = truth.lateral_accel_mps2 + GRAVITY_MPS2 * math.sin(lean_rad)
-        return self._body.step(ahead_mps2, left_mps2, now_s=truth.t_s)
+        return self._body.step(ahead_mps2, left_mps2, now_s=truth.t_s, axles_rad=axles_rad)
 
     def _image(self, renderer: Pictures, truth: SimTruth, faults: list[Fault]) -> Image:
         if self._last is not None and any(isinstance(fault, FrozenCamera) for fault in faults):

@@ -179,7 +179,10 @@ def build_parts(scenario: Scenario, *, seed: int, simulator: SimulatorSettings |
     return Parts(
         vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, simulator or load_simulator(), seed=seed),
         camera=SimulatedCamera(
-            scenario, renderer, SightTruth(road, camera, scenario.disturbances, seed=seed)
+            scenario,
+            renderer,
+            SightTruth(road, camera, scenario.disturbances, seed=seed),
+            wheelbase_m=vehicle.wheelbase_m,
         ),
         estimators={name: _estimator(scenario, name) for name in scenario.estimators if renderer},
         judge=perception.sight.judge.build(camera, vehicle),
@@ -206,7 +209,9 @@ def _parts_in_world(
     names = scenario.estimators
     return Parts(
         vehicle=car,
-        camera=SimulatedCamera(scenario, WorldPictures(world, seed) if seen else None),
+        camera=SimulatedCamera(
+            scenario, WorldPictures(world, seed) if seen else None, wheelbase_m=vehicle.wheelbase_m
+        ),
         estimators={name: _estimator(scenario, name) for name in names if seen},
         judge=perception.sight.judge.build(camera, vehicle),
         supervisor=supervisor.supervisor.build(

@@ -30,7 +30,7 @@ from sim_harness.world.road_file import ROAD_SUFFIXES, load_road_settings
 from sim_harness.world.roads.appearance import LaneWidth, Section
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturb
 from sim_harness.world.roads.elevation import BankPoint, ElevationPoint
-from sim_harness.world.roads.features import Junction, RoadMark, Wall
+from sim_harness.world.roads.features import Junction, RoadMark, SpeedHump, Wall
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from supervisor.rules.rule_file import RuleFile
 from trepid.car.vehicle import Vehicle
@@ -83,7 +83,7 @@ TagName = Annotated[
     ),
 ]
 SLOWEST_START_MPS = 0.1
-_ALONG = ("marks", "junctions", "walls", "elevation", "bank")
+_ALONG = ("marks", "humps", "junctions", "walls", "elevation", "bank")
 """Features along the road, which a scenario may replace."""
 
 
@@ -159,6 +159,7 @@ class Scenario(Settings):
     world: WorldChoice | None = None  # of another package instead of a road, its pictures and a plant
     segments: tuple[Segment, ...] | None = None  # reference line instead of the road's, as an open road
     marks: tuple[RoadMark, ...] | None = None  # instead of the road's; default with `segments`: none
+    humps: tuple[SpeedHump, ...] | None = None  # as `marks`
     junctions: tuple[Junction, ...] | None = None  # as `marks`
     walls: tuple[Wall, ...] | None = None  # as `marks`
     elevation: tuple[ElevationPoint, ...] | None = None  # as `marks`

@@ -9,7 +9,18 @@ from trepid.config import Settings
 from trepid.spelling import did_you_mean
 
 _OF_ROAD = (
-    *("road", "segments", "marks", "junctions", "walls", "elevation", "lane_width_m", "appearance", "start"),
+    *(
+        "road",
+        "segments",
+        "marks",
+        "humps",
+        "junctions",
+        "walls",
+        "elevation",
+        "lane_width_m",
+        "appearance",
+        "start",
+    ),
     *("plant", "disturbances", "traffic", "road_users"),
 )
 """Fields of a scenario that describe the simulator's own world."""

@@ -5,8 +5,9 @@ The forces of the tyres turn the body: with f_x ahead and f_y to the left, per m
     pitch → -k_p·f_x + k_m·m        roll → k_r·f_y        θ'' = ω²·(θ_steady - θ) - 2·ζ·ω·θ'
 
 Pitch is positive nose down, roll left side up (ISO 8855); m is the load, which lowers the end where it lies. On a
-grade and on a bank f_x and f_y hold the weight, so that a parked car leans downhill. Between two instants the
-forces are constant and the equation has its closed solution.
+grade and on a bank f_x and f_y hold the weight, so that a parked car leans downhill. Over a speed hump the springs
+and their dampers stand on axles with the pitch θ_a, and the equation holds for θ - θ_a. Between two instants the
+forces and the rate of θ_a are constant and the equation has its closed solution.
 
 Gillespie, Fundamentals of Vehicle Dynamics (1992): ride frequencies of 1 to 1.5 Hz with damping ratios of 0.2 to
 0.4 (chapter 5), roll of 3 to 7 degrees at 1 g (chapter 6).
@@ -51,11 +52,13 @@ class BodyOnSprings:
         self._springs, self._load_rad = springs, springs.load_pitch_rad_per_kg * load_kg
         self._last_s: float | None = None
         self._pitch, self._roll = (0.0, 0.0), (0.0, 0.0)  # angle [rad] and rate [rad/s]
+        self._axles_rad = 0.0
 
-    def step(self, ahead_mps2: float, left_mps2: float, *, now_s: float) -> Attitude:
+    def step(self, ahead_mps2: float, left_mps2: float, *, now_s: float, axles_rad: float = 0.0) -> Attitude:
         """The attitude at ``now_s``; ``ahead_mps2``, ``left_mps2``: forces of the tyres per mass since the last.
 
-        The first step gives the steady attitude.
+        ``axles_rad``: pitch of the plane through the axles now, + = nose down. The first step gives the steady
+        attitude.
         """
         springs = self._springs
         steady = (
@@ -63,14 +66,16 @@ class BodyOnSprings:
             springs.roll_gradient_rad_per_mps2 * left_mps2,
         )
         if self._last_s is None:
-            self._pitch, self._roll = (steady[0], 0.0), (steady[1], 0.0)
+            self._pitch, self._roll = (axles_rad + steady[0], 0.0), (steady[1], 0.0)
         else:
             elapsed_s = max(now_s - self._last_s, 0.0)
-            self._pitch, self._roll = (
-                self._swing(motion, goal, elapsed_s)
-                for motion, goal in zip((self._pitch, self._roll), steady, strict=True)
-            )
-        self._last_s = now_s
+            turned_rad = axles_rad - self._axles_rad
+            axle_rate = turned_rad / elapsed_s if elapsed_s > 0.0 else 0.0
+            above = self._pitch[0] - self._axles_rad, self._pitch[1] - axle_rate
+            swung = self._swing(above, steady[0], elapsed_s)
+            self._pitch = swung[0] + axles_rad, swung[1] + axle_rate
+            self._roll = self._swing(self._roll, steady[1], elapsed_s)
+        self._last_s, self._axles_rad = now_s, axles_rad
         pitch_rad, roll_rad = (max(min(of[0], MOST_RAD), -MOST_RAD) for of in (self._pitch, self._roll))
         return Attitude(pitch_rad, roll_rad)
 

@@ -79,7 +79,7 @@ class Renderer:
     ) -> None:
         """``ground``: shared between the cameras of one road, enlarged to the reference world of
         :mod:`trepid.scale`; disturbances do not repaint it. ``things``: beside the road, with their poses.
-        ``on_springs``: the camera is turned by the attitude of each frame.
+        ``on_springs``: the camera is turned by the attitude of each frame, as on a road with speed humps.
 
         Raises ValueError for a distortion that is not one-to-one, InputError for a bad table of disturbances.
         """
@@ -92,7 +92,7 @@ class Renderer:
         self._world = road
         self._lens = Distortion(camera) if any(camera.distortion) else None
         self._eye = self._lens.pinhole if self._lens else camera
-        self._sway = Sway(self._eye) if on_springs else None
+        self._sway = Sway(self._eye) if on_springs or road.settings.humps else None
         self._eye = self._sway.eye if self._sway else self._eye
         self._ground = ground or Ground(road, seed=seed)
         self._backdrop = Backdrop(self._eye, seed=seed)

@@ -1,5 +1,6 @@
-"""Settings of local features of a road: marks painted on it, side roads that join it, walls along it."""
+"""Settings of local features of a road: marks speed humps, side roads that join it, walls along it."""
 
+import math
 from enum import StrEnum
 from typing import Annotated, Self
 
@@ -102,6 +103,39 @@ class Junction(Settings):
         """Stations between which the edge of the road is open."""
         half_m = self.width_m / 2 + self.radius_m
         return self.at_m - half_m, self.at_m + half_m
+
+
+HUMP_SLOPE_MAX = 0.12  # height per length on the flank; those of 10 cm on 3.7 m have 0.085
+
+
+class SpeedHump(Settings):
+    """A speed hump across the road. It turns a vehicle that drives over it; its shape is not drawn.
+
+    At the distance d beyond its start the hump is H·sin²(π·d/L) high. The default is as long and as high as the
+    round-topped hump of Watts, Road humps for the control of vehicle speeds (TRRL report LR 597, 1973).
+    """
+
+    at_m: NonNegative  # station of its start
+    length_m: Positive = 3.7
+    height_m: Positive = 0.1
+
+    @model_validator(mode="after")
+    def _can_be_driven_over(self) -> Self:
+        slope = math.pi * self.height_m / self.length_m
+        if slope > HUMP_SLOPE_MAX:
+            raise ValueError(f"its flanks have a slope of {slope:.2f}, and {HUMP_SLOPE_MAX:g} is the most")
+        return self
+
+    @property
+    def end_m(self) -> float:
+        """The station of its end."""
+        return self.at_m + self.length_m
+
+    def height_at(self, beyond_m: float) -> float:
+        """Height [m] at this distance beyond its start; 0 outside."""
+        if not 0.0 < beyond_m < self.length_m:
+            return 0.0
+        return self.height_m * math.sin(math.pi * beyond_m / self.length_m) ** 2
 
 
 class WallKind(StrEnum):

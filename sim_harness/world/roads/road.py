@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from sim_harness.world.roads.appearance import LaneWidth, Section
 from sim_harness.world.roads.elevation import BankPoint, ElevationPoint, RoadHeight
-from sim_harness.world.roads.features import Junction, MarkKind, RoadMark, Wall
+from sim_harness.world.roads.features import Junction, MarkKind, RoadMark, SpeedHump, Wall
 from trepid.bounds import at_least, within
 from trepid.config import Settings, wrong_at
 from trepid.scale import PUBLIC_LANE_M, REFERENCE_LANE_M, scaled_settings
@@ -81,6 +81,7 @@ class RoadSettings(Settings):
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
     sections: Annotated[tuple[Section, ...], Field(min_length=1)]
     marks: tuple[RoadMark, ...] = ()
+    humps: tuple[SpeedHump, ...] = ()
     junctions: tuple[Junction, ...] = ()
     walls: tuple[Wall, ...] = ()
     elevation: tuple[ElevationPoint, ...] = ()  # at rising stations; none: flat
@@ -176,6 +177,10 @@ class RoadSettings(Settings):
             if section.lane_width_m_at_ends(lane, self.lane_width_m) is None:
                 message = f"marks.{number}: section {section.name!r} has no lane {lane}"
                 raise wrong_at(("marks", number, "lane"), message)
+        for number, hump in enumerate(self.humps):
+            if hump.end_m > length_m:
+                message = f"humps.{number} ends at {hump.end_m:g} m, beyond the road's {length_m:.1f} m"
+                raise wrong_at(("humps", number, "at_m"), message)
         for number, junction in enumerate(self.junctions):
             if junction.at_m > length_m:
                 message = f"junctions.{number} lies at {junction.at_m} m, beyond the road's {length_m:.1f} m"
@@ -288,6 +293,19 @@ class Road(RoadHeight):
         """Width of the lane [m]: linear along each section."""
         start_m, end_m = self._widths_m[self._section_index(station_m)]
         return start_m if start_m == end_m else start_m + (end_m - start_m) * self.section_share(station_m)
+
+    def pitch_over_humps(self, station_m: float, wheelbase_m: float) -> float:
+        """Pitch [rad] of a vehicle with its rear axle at a station, by the humps under its axles, + = nose down.
+
+        θ = (z(s) - z(s + L))/L with the height z of the humps and the wheelbase L; 0 without humps.
+        """
+        if not self.settings.humps:
+            return 0.0
+        rear_m, front_m = (self._hump_height_at(at_m) for at_m in (station_m, station_m + wheelbase_m))
+        return (rear_m - front_m) / wheelbase_m
+
+    def _hump_height_at(self, station_m: float) -> float:
+        return sum(hump.height_at(self.wrap(station_m) - hump.at_m) for hump in self.settings.humps)
 
     def section_at(self, station_m: float) -> Section:
         """The section at a station; an open road keeps its first and last section beyond its ends."""

@@ -33,7 +33,7 @@ def frames(*faults, count=10, traffic=(), **fields):
     scenario = load_scenario("straight")
     scenario = scenario.model_validate({**dict(scenario), "faults": faults, "traffic": traffic})
     painter = Painter()
-    camera = SimulatedCamera(scenario, painter)
+    camera = SimulatedCamera(scenario, painter, wheelbase_m=2.5)
     times = [100.0 + PERIOD_S * k for k in range(count)]
     return [
         (t_s, camera.step(truth(t_s, elapsed_s=t_s - 100.0, **fields), now_s=t_s)) for t_s in times
@@ -64,14 +64,14 @@ def test_the_renderer_receives_the_motion_of_the_camera():
 
 
 def test_without_a_renderer_shots_have_the_truth_and_no_frame():
-    camera = SimulatedCamera(load_scenario("straight", {"sight": "truth"}), None)
+    camera = SimulatedCamera(load_scenario("straight", {"sight": "truth"}), None, wheelbase_m=2.5)
     shot = camera.shoot(truth(3.0, elapsed_s=3.0), now_s=3.0)
     assert (shot.truth.t_s, shot.frame) == (3.0, None)
 
 
 def test_before_the_run_begins_there_are_no_faults():
     scenario = load_scenario("straight", {"faults": "[{kind: black_frames, from_s: 0}]"})
-    camera = SimulatedCamera(scenario, Painter())
+    camera = SimulatedCamera(scenario, Painter(), wheelbase_m=2.5)
     before, begun = (camera.step(truth(t, elapsed_s=t), now_s=t).image.any() for t in (-0.04, 0.0))
     assert (before, begun) == (True, False)
 

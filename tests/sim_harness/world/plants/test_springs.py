@@ -1,5 +1,6 @@
 """A body on springs: closed form of its swing, signs, and what stands still."""
 
+import itertools
 import math
 
 import numpy as np
@@ -72,3 +73,32 @@ def test_a_load_in_the_rear_lifts_the_nose_for_good():
 def test_the_stops_of_the_springs_end_pitch_and_roll():
     attitude = BodyOnSprings(SPRINGS).step(-90.0, -90.0, now_s=0.0)
     assert (attitude.pitch_rad, attitude.roll_rad) == (MOST_RAD, -MOST_RAD)
+
+
+def test_on_moving_axles_the_swing_is_that_of_the_differential_equation():
+    natural, rate = math.tau * SPRINGS.frequency_hz, 0.3  # of the axles [rad/s]
+    axles = [rate * t for t in (0.0, 0.04, 0.08, 0.08, 0.04, 0.0, 0.0, 0.0)]
+
+    def rates(state, axle):
+        angle, speed = state
+        at, moving = axle
+        return (speed, natural**2 * (at - angle) - 2 * SPRINGS.damping_ratio * natural * (speed - moving))
+
+    state, body = (0.0, 0.0), BodyOnSprings(SPRINGS)
+    body.step(0.0, 0.0, now_s=0.0)
+    for number, (before, here) in enumerate(itertools.pairwise(axles), start=1):
+        slope, steps = (here - before) / 0.04, 200
+        for part in range(steps):
+            middle = before + slope * 0.04 * (part + 0.5) / steps
+            half = 0.04 / steps / 2
+            speeds = rates(state, (middle, slope))
+            between = (state[0] + half * speeds[0], state[1] + half * speeds[1])
+            speeds = rates(between, (middle, slope))
+            state = (state[0] + 2 * half * speeds[0], state[1] + 2 * half * speeds[1])
+        pitch_rad = body.step(0.0, 0.0, now_s=0.04 * number, axles_rad=here).pitch_rad
+        assert pitch_rad == pytest.approx(state[0], abs=1e-6)
+
+
+def test_a_parked_body_takes_the_pitch_of_its_axles():
+    attitude = BodyOnSprings(SPRINGS).step(0.0, 0.0, now_s=0.0, axles_rad=-0.03)
+    assert attitude.pitch_rad == pytest.approx(-0.03)

@@ -92,9 +92,59 @@ def test_the_body_turns_by_the_forces_of_the_tyres_which_hold_the_weight_on_a_sl
         )
         recall = Recall(scenario.build_road())
         moving = truth(1.0, longitudinal_accel_mps2=accel_mps2, lateral_accel_mps2=0.0, station_m=20.0)
-        SimulatedCamera(scenario, recall).step(moving, now_s=1.0)
+        SimulatedCamera(scenario, recall, wheelbase_m=2.5).step(moving, now_s=1.0)
         found[name] = recall.attitudes[0]
     assert found["rests"] == LEVEL
     assert found["brakes"].pitch_rad > 0.01
     assert found["parked on a slope"].pitch_rad < -0.003  # uphill the nose rises
     assert found["parked on a slope"].roll_rad > 0.003
+
+
+HUMP_M, WHEELBASE_M = 20.0, 2.5
+
+
+@pytest.fixture(scope="module")
+def over_a_hump() -> dict[str, np.ndarray]:
+    """Pitch of a camera [rad] on a stiff body and on springs, at every 0.1 m of the rear axle at 5 m/s."""
+    found = {}
+    for name, springs in (("stiff", None), ("on springs", {})):
+        plant, humps = {"springs": springs}, ({"at_m": HUMP_M},)
+        scenario = Scenario(
+            description="", tags=("nominal",), road="straight", duration_s=9, plant=plant, humps=humps
+        )
+        recall = Recall(scenario.build_road())
+        camera = SimulatedCamera(scenario, recall, wheelbase_m=WHEELBASE_M)
+        for number in range(120):
+            t_s, station_m = 0.02 * number, HUMP_M - WHEELBASE_M - 0.1 + 0.1 * number
+            camera.step(
+                truth(t_s, station_m=station_m, longitudinal_accel_mps2=0.0, lateral_accel_mps2=0.0),
+                now_s=t_s,
+            )
+        found[name] = np.array([attitude.pitch_rad for attitude in recall.attitudes])
+    return found
+
+
+def test_over_a_hump_the_nose_rises_first_and_falls_by_as_much(over_a_hump):
+    pitch_rad = over_a_hump["stiff"]
+    assert np.flatnonzero(pitch_rad)[0] == np.flatnonzero(pitch_rad < 0)[0]
+    assert pitch_rad.max() == pytest.approx(-pitch_rad.min(), rel=1e-3)
+    assert -pitch_rad.min() == pytest.approx(
+        0.1 / WHEELBASE_M, rel=0.1
+    )  # nearly: L = 2.5 m on a hump of 3.7 m
+    assert not pitch_rad[-40:].any()
+
+
+def test_springs_swing_on_after_a_hump(over_a_hump):
+    assert np.abs(over_a_hump["on springs"][-40:]).max() > 0.004
+    assert np.corrcoef(over_a_hump["stiff"], over_a_hump["on springs"])[0, 1] > 0.5
+
+
+def test_a_camera_of_a_road_with_humps_is_turned():
+    road = Scenario(
+        description="", tags=("nominal",), road="straight", duration_s=9, humps=({"at_m": HUMP_M},)
+    ).build_road()
+    renderer = Renderer(road, CAMERA, seed=3)
+    level, up = (
+        renderer.render(40.0, 0.2, 0.0, **STILL, attitude=Attitude(pitch_rad=of)) for of in (0.0, -0.04)
+    )
+    assert (level != up).mean() > 0.3

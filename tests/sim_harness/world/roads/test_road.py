@@ -12,6 +12,7 @@ from scipy.integrate import quad
 
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Section
+from sim_harness.world.roads.features import SpeedHump
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.config import CONFIG_DIR, InputError
 
@@ -187,3 +188,43 @@ def test_a_wall_off_the_road_backwards_or_beyond_the_centre_of_its_bend_is_refus
         RoadSettings.model_validate({**bend, "segments": segments, "walls": [wall]})
     outside = {**wall, "side": "right", "from_m": 10, "to_m": 40}
     assert RoadSettings.model_validate({**bend, "segments": segments, "walls": [outside]}).walls
+
+
+SECTIONS = [{"name": "only", "start_m": 0}]
+HUMPED = {"segments": [{"length_m": 60}], "humps": [{"at_m": 20, "length_m": 4, "height_m": 0.12}]}
+
+
+@given(st.floats(10, 30), st.floats(0.2, 4))
+@settings(max_examples=40, deadline=None)
+def test_over_a_hump_a_vehicle_stands_on_its_two_axles(station_m, wheelbase_m):
+    humped = Road(
+        RoadSettings.model_validate(
+            {**S_BEND.settings.model_dump(), **HUMPED, "closed": False, "sections": SECTIONS}
+        )
+    )
+    stations = np.array([station_m, station_m + wheelbase_m])
+    inside = (stations > 20) & (stations < 24)
+    rear_m, front_m = np.where(inside, 0.06 * (1 - np.cos(np.pi * (stations - 20) / 2)), 0.0)
+    assert humped.pitch_over_humps(station_m, wheelbase_m) == pytest.approx(
+        (rear_m - front_m) / wheelbase_m, abs=1e-12
+    )
+
+
+def test_a_hump_at_the_start_of_a_lap_lifts_the_front_at_its_end():
+    humped = Road(CIRCUIT.settings.model_copy(update={"humps": (SpeedHump(at_m=0.0),)}))
+    assert humped.pitch_over_humps(humped.length_m - 1.0, 2.5) < -0.03
+    assert humped.pitch_over_humps(humped.length_m - 1.0, 0.5) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("hump", "says"),
+    [
+        ({"at_m": 58}, "humps.0 ends at 61.7 m"),
+        ({"at_m": 5, "length_m": 1, "height_m": 0.1}, "slope of 0.31"),
+        ({"at_m": 5, "height_m": 0}, "greater than 0"),
+    ],
+)
+def test_a_hump_beyond_the_road_or_as_steep_as_a_kerb_is_refused(hump, says):
+    changed = {**S_BEND.settings.model_dump(), "segments": [{"length_m": 60}], "humps": [hump]}
+    with pytest.raises(ValidationError, match=says):
+        RoadSettings.model_validate({**changed, "sections": SECTIONS, "closed": False})
