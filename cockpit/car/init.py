@@ -39,7 +39,21 @@ class Like(StrEnum):
     SHUTTLE = "shuttle"
     RC_CAR = "rc-car"
     MINI = "mini"
+    DUCKIEBOT = "duckiebot"
     SIM = "sim"
+
+
+BASES: Mapping[Like, Like] = MappingProxyType({Like.DUCKIEBOT: Like.MINI})
+"""Template -> the one whose settings it has beside its own files."""
+
+
+def template_files(like: Like) -> dict[str, Path]:
+    """The files of a template by their names in the folder of a car."""
+    base = template_files(BASES[like]) if like in BASES else {}
+    base = {name: path for name, path in base.items() if "/" not in name}
+    folder = TEMPLATES / like
+    own = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
+    return base | own
 
 
 def init(
@@ -68,13 +82,11 @@ def write_car(folder: Path, like: Like, given: Mapping[str, str] = MappingProxyT
 
     ``given``: fields as YAML, by the name of a file, in place of those of the template.
     """
-    template = TEMPLATES / like
-    own = {path.relative_to(template).as_posix() for path in template.rglob("*") if path.is_file()}
-    top = {name for name in own if "/" not in name}
+    own = template_files(like)
     texts = {
-        name: file_text(name, template) for name in FILES if name in top or (CONFIG_DIR / name).is_file()
+        name: file_text(name, own.get(name)) for name in FILES if name in own or (CONFIG_DIR / name).is_file()
     }
-    texts |= {name: file_text(name, template) for name in sorted(own - texts.keys())}
+    texts |= {name: file_text(name, own[name]) for name in sorted(own.keys() - texts.keys())}
     texts |= {
         name: HEADER.format(name=name) + merge(read_text(CONFIG_DIR / name), own)
         for name, own in given.items()
@@ -91,9 +103,9 @@ def write_car(folder: Path, like: Like, given: Mapping[str, str] = MappingProxyT
     return [name for name in texts if not name.startswith("schema/")]
 
 
-def file_text(name: str, template: Path) -> str:
-    """The text of the file ``name`` of a car with the files in ``template``."""
-    own = read_text(template / name) if (template / name).is_file() else ""
+def file_text(name: str, of_template: Path | None) -> str:
+    """The text of the file ``name`` of a car, with the fields of ``of_template``, that of its template."""
+    own = read_text(of_template) if of_template is not None else ""
     if name in WHOLE_FILES:
         default = read_text(CONFIG_DIR / name)
         first, _, rest = (own or default).partition("\n")  # editors expect the schema in the first line

@@ -18,6 +18,7 @@ OWN: Mapping[str, str] = MappingProxyType(
     {
         "ackermann": "vehicle.actuators.ackermann:AckermannActuator",
         "can": "vehicle.actuators.can.actuator:CanActuator",
+        "motor_hat": "vehicle.actuators.rc.motors:MotorActuator",
         "pca9685": "vehicle.actuators.rc.actuator:PcaActuator",
         "serial": "vehicle.actuators.rc.actuator:SerialActuator",
     }

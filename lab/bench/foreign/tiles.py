@@ -1,6 +1,6 @@
 """Laps on the floor tiles of Duckietown: photographed and drawn ones, through the interfaces of plug-ins.
 
-The car is what `trepid init --like mini` writes, with the robot and the camera of Duckietown in place of its own.
+The car is what `trepid init --like duckiebot` writes.
 The world is :mod:`.tile_world`, by its entry point, as another package would add it. The estimator is `tape`, the
 supervisor drives. A wheel over the middle of a line of the right half of the road is a departure.
 
@@ -21,14 +21,13 @@ from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.scenarios.world_choice import WorldChoice
 from sim_harness.sweep.store import Row, stored_rows
-from trepid.config import WORK_DIR, read_text, using_car
+from trepid.config import WORK_DIR, using_car
 
 MAPS = ("small_loop", "loop_empty", "zigzag_dists")  # to the left alone; one bend to the right; five
 LOOKS = ("photos", "synthetic")
 LAPS = 10
 SLOWEST_MPS = 0.15  # below which a drive ends without its laps
 STANDING_S = 10.0  # before the supervisor first lets the car drive, at most
-CAR = Path(__file__).parent / "tile_car"
 ESTIMATORS = ("tape",)
 
 
@@ -75,7 +74,7 @@ def driven_row(drive: TileLaps) -> Row:
     files = tile_files()
     lap_m = read_track(files / "maps" / f"{drive.map}.yaml", Path(drive.look)).length_m
     with tempfile.TemporaryDirectory() as name:
-        write_car(Path(name) / "car", Like.MINI, {path.name: read_text(path) for path in CAR.glob("*.yaml")})
+        write_car(Path(name) / "car", Like.DUCKIEBOT)
         with using_car(Path(name) / "car"):
             result = run(scenario_of(drive, drive.laps * lap_m), seed=drive.seed)
     engaged_percent, speed_mps = since_start(result.trace)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from cockpit.car.init import FILES, TEMPLATES, Like, write_car
+from cockpit.car.init import FILES, Like, template_files, write_car
 from cockpit.car.template import merge
 from trepid.car.vehicle import Vehicle
 from trepid.cli import main
@@ -69,10 +69,10 @@ def test_a_list_is_replaced_as_a_whole_and_a_new_field_is_kept() -> None:
 @pytest.mark.parametrize("like", list(Like))
 def test_a_new_car_is_that_of_its_template_on_the_defaults(like: Like, car: Path) -> None:
     write_car(car, like)
-    own = {path.name for path in (TEMPLATES / like).glob("*.yaml")}
+    own = template_files(like)
     assert own, "the template is not empty"
     for name in FIELD_FILES:
-        given = PLAIN.load((TEMPLATES / like / name).read_text()) if name in own else None
+        given = PLAIN.load(own[name].read_text()) if name in own else None
         assert PLAIN.load((car / name).read_text()) == given, name
     use_car(car)
     assert load(CONFIG_DIR / "vehicle.yaml", Vehicle).wheelbase_m > 0

@@ -1,10 +1,11 @@
-"""The car `mini` on its taped tracks: every scenario with pixels, and its roads by the generator of tracks."""
+"""The small cars on their tracks: every scenario with pixels, and the roads by the generator of tracks."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from cockpit.car.init import Like, write_car
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.road_file import load_road
@@ -32,6 +33,21 @@ def test_the_car_drives_a_lap_of_every_track_in_its_lane(name: str) -> None:
     assert result.reasons == ()
     assert result.metrics.departures == 0
     assert result.metrics.max_lateral_error_m < 0.03  # a wheel reaches the line at 0.065 m
+
+
+@pytest.mark.suite
+@pytest.mark.parametrize("name", ["oval_left", "oval_right"])
+def test_a_duckiebot_keeps_the_right_half_of_a_road_of_tiles(name: str, tmp_path: Path) -> None:
+    write_car(tmp_path / "mybot", Like.DUCKIEBOT)
+    with using_car(tmp_path / "mybot"):
+        result = run(load_scenario(name), seed=0)
+        track = taped_track(
+            name, LOOKS["duckie"], lane_width_m=0.25, bend=2.0 if name == "oval_left" else -2.0
+        )
+        road = load_road(name)
+    assert result.reasons == ()
+    assert result.metrics.departures == 0
+    assert road.length_m == pytest.approx(sum(segment.length_m for segment in track.segments), rel=1e-8)
 
 
 def test_ten_tracks_show_every_colour_on_every_floor() -> None:

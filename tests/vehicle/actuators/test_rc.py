@@ -231,7 +231,7 @@ def test_a_chip_that_refuses_the_last_pulse_of_the_actuator_gets_it_from_the_gua
     with chip_on(tmp_path / "i2c") as chip:
         actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
         drive(actuator, clock, 1.0, 1.0)
-        actuator._board._chip._device = Refusing()
+        actuator._board.chip._device = Refusing()
         with pytest.raises(OSError, match="refused"):
             actuator.close()
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
@@ -239,7 +239,7 @@ def test_a_chip_that_refuses_the_last_pulse_of_the_actuator_gets_it_from_the_gua
 
 def test_a_frozen_guard_is_a_failure_of_the_wire(tmp_path) -> None:
     with chip_on(tmp_path / "i2c"):
-        guard = Guard(pca(tmp_path / "i2c"))
+        guard = Guard(pca(tmp_path / "i2c"), {THROTTLE_CHANNEL: THROTTLE["neutral_us"]})
         os.kill(guard.pid, signal.SIGSTOP)
         try:
             with pytest.raises(OSError, match="frozen"):

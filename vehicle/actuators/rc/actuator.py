@@ -9,10 +9,6 @@ the yaw rate only where ``yaw_rate: modelled`` names the bicycle as its source. 
 the calibration as it is.
 """
 
-import errno
-import math
-import os
-import time
 from collections.abc import Mapping
 from typing import ClassVar, Protocol
 
@@ -21,17 +17,13 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load, place, read, texts
 from trepid.messages import Command, VehicleState
 from vehicle.actuators.actuator import Car
-from vehicle.actuators.rc.guard import Guard
-from vehicle.actuators.rc.i2c import open_i2c
-from vehicle.actuators.rc.pca9685 import Pca9685
-from vehicle.actuators.rc.pulses import SpeedIntegrator, Steering, Throttle
+from vehicle.actuators.rc.chip import CHECK_EVERY, GuardedChip, open_within
+from vehicle.actuators.rc.pulses import Silence, SpeedIntegrator, Steering, Throttle, YawModel
 from vehicle.actuators.rc.serial_board import SerialBoard
 from vehicle.actuators.rc.settings import PcaSettings, RcSettings, SerialSettings, SpeedSource
 from vehicle.actuators.table import FILE, configured_actuator
 
-CHECK_EVERY = 50  # writes, half a second: settings file, and whether the PCA9685 has lost its power
 BRAKE_FROM_MPS2 = 1.5  # a harder brake than that of a neutral throttle
-RETRY_S = 0.1  # between attempts to open a board
 REST_LAGS = 5.0  # e⁻⁵: a car that rolls at 3 m/s at the start has 2 cm/s left
 BRAKE_ABOVE_MPS = 0.2  # below it the brake pulse may start the reverse
 
@@ -109,23 +101,20 @@ class RcActuator:
         self.computed = frozenset({"road_wheel_angle_rad", "yaw_rate_radps"} | modelled)
         self._calibration = PulseCalibration(name, settings, car.vehicle)
         self._motion = SpeedIntegrator(settings.speed_lag_s)
-        self._vehicle = car.vehicle
-        self._models_yaw = settings.yaw_rate == "modelled"
         held_us = self._board.steering_us()
         self._angle_rad = None if held_us is None else settings.steering.angle_rad(held_us)
-        self._turned_rad = self._angle_rad or 0.0
+        self._models_yaw = settings.yaw_rate == "modelled"
+        self._yaw = YawModel(car.vehicle, self._angle_rad, now_s=car.now_s())
         self._standstill_mps = car.vehicle.standstill_mps
-        self._then_s = car.now_s()
-        self._rests_s = self._then_s + REST_LAGS * settings.speed_lag_s
-        self._neutral_after_s = settings.neutral_after_s
-        self._written_s = math.inf  # time of the last pulses; inf: none so far
+        self._rests_s = car.now_s() + REST_LAGS * settings.speed_lag_s
+        self._silence = Silence(settings.neutral_after_s, self._motion)
         self._writes = 0
         self._measured: tuple[float, float] | None = None
 
     def read(self, *, now_s: float) -> VehicleState | None:
         """Speed as measured or as modelled, and the angle of the last pulse; None while the sensor is silent."""
         self._measured = None
-        self._notice_silence(now_s)
+        self._silence.check(now_s=now_s)
         self._measured = self._board.speed_mps(now_s=now_s)
         speed_mps, t_s = None, now_s
         if self._source is SpeedSource.MODELLED:
@@ -136,17 +125,18 @@ class RcActuator:
             return None
         if self._angle_rad is None and speed_mps is not None and speed_mps <= self._standstill_mps:
             self._angle_rad = 0.0
+        yaw_rate_radps = self._yaw.step(self._angle_rad, speed_mps, now_s=now_s)
         return VehicleState(
             t_s=t_s,
             speed_mps=speed_mps,
             road_wheel_angle_rad=self._angle_rad,
-            yaw_rate_radps=self._yaw_rate_radps(speed_mps, now_s),
+            yaw_rate_radps=yaw_rate_radps if self._models_yaw else None,
             driver_override=False,
         )
 
     def write(self, command: Command, *, now_s: float) -> None:
         """Set the pulses for ``command``: its angle, and the speed that its acceleration leads to."""
-        self._notice_silence(now_s)
+        self._silence.check(now_s=now_s)
         self._writes += 1
         if self._writes % CHECK_EVERY == 0:
             self._calibration.refresh()
@@ -165,7 +155,7 @@ class RcActuator:
         self._board.write(
             {steering.channel: steering.pulse_us(self._angle_rad), throttle.channel: throttle_us}, now_s=now_s
         )
-        self._written_s = now_s
+        self._silence.end(now_s=now_s)
 
     def values(self) -> tuple[tuple[str, str], ...]:
         """Speed source, values of the board, and the fault of a refused calibration."""
@@ -180,79 +170,31 @@ class RcActuator:
         finally:
             self._board.close()
 
-    def _notice_silence(self, now_s: float) -> None:
-        """Raise OSError, once, when no pulses were sent for so long that guard or board have set neutral."""
-        silent_s = now_s - self._written_s
-        if silent_s > self._neutral_after_s:
-            self._written_s = now_s
-            self._motion.rest(silent_s - self._neutral_after_s, now_s=now_s)
-            raise OSError(errno.ETIMEDOUT, f"no pulses for {silent_s:.2f} s: the throttle went to neutral")
 
-    def _yaw_rate_radps(self, speed_mps: float | None, now_s: float) -> float | None:
-        """ψ' = v·tan δ/(L + K_us·v²), δ behind the pulse by delay and lag; None: not modelled, or not known."""
-        car, angle_rad = self._vehicle, self._angle_rad
-        late_s = car.steering_delay_s + car.steering_lag_s
-        dt_s, self._then_s = max(0.0, now_s - self._then_s), now_s
-        part = 1.0 - math.exp(-dt_s / late_s) if late_s > 0.0 else 1.0
-        if angle_rad is None:
-            return None
-        self._turned_rad += part * (angle_rad - self._turned_rad)
-        if speed_mps is None or not self._models_yaw:
-            return None
-        length_m = car.wheelbase_m + car.understeer_gradient_rad_per_mps2 * speed_mps**2
-        return speed_mps * math.tan(self._turned_rad) / length_m
-
-
-class PcaBoard:
-    """A PCA9685, which goes on with its last pulses when nothing comes: a guard watches this process."""
+class PcaBoard(GuardedChip):
+    """A PCA9685 with servo and speed controller."""
 
     def __init__(self, settings: PcaSettings) -> None:
-        device = open_i2c(settings.bus, settings.address, alone=True)
-        self._chip = Pca9685(device, frequency_hz=settings.frequency_hz, oscillator_hz=settings.oscillator_hz)
-        self._writes = self._resets = 0
-        self._rest_us = settings.rest_us
-        try:
-            self._steering_us = self._begin(settings.steering, settings.throttle)
-            self._guard = Guard(settings)
-        except OSError:
-            self._chip.close()
-            raise
+        self._steering, self._throttle = settings.steering, settings.throttle
+        self._held_us: float | None = None
+        super().__init__(settings, settings.rest_us, {self._throttle.channel: self._throttle.neutral_us})
 
-    def write(self, pulses_us: Mapping[int, float], *, now_s: float) -> None:
-        """Set the pulses. Raises OSError, once, when the chip had lost its power; it is then at rest again."""
-        self._writes += 1
-        if self._writes % CHECK_EVERY == 0 and not self._chip.is_set_up():
-            self._resets += 1
-            self._chip.set_up(self._rest_us)
-            raise OSError(errno.EIO, "the PCA9685 had lost its settings: look at its power")
-        self._chip.write(pulses_us)
-        self._guard.alive()
-
-    def _begin(self, steering: Steering, throttle: Throttle) -> float:
-        """Set neutral, and the centre where the chip holds no pulse within the hard ends; the steering pulse."""
-        held_us = self._chip.pulse_us(steering.channel)
-        if held_us is None or abs(held_us - steering.within(held_us)) > self._chip.count_us:
-            self._chip.set_up(self._rest_us)
-            return steering.centre_us
-        self._chip.write({throttle.channel: throttle.neutral_us})
-        return held_us
+    def begin(self) -> None:
+        """Set neutral, and the centre where the chip holds no pulse within the hard ends."""
+        held_us = self.chip.pulse_us(self._steering.channel)
+        if held_us is None or abs(held_us - self._steering.within(held_us)) > self.chip.count_us:
+            super().begin()
+            return
+        self.chip.write({self._throttle.channel: self._throttle.neutral_us})
+        self._held_us = held_us
 
     def steering_us(self) -> float:
         """The pulse of the straight wheels, or the one that the chip has held since a process before this one."""
-        return self._steering_us
+        return self._steering.centre_us if self._held_us is None else self._held_us
 
     def speed_mps(self, *, now_s: float) -> None:
         """None: the chip measures nothing."""
         return
-
-    def values(self) -> tuple[tuple[str, str], ...]:
-        """Number of losses of power."""
-        return (("resets", str(self._resets)),)
-
-    def close(self) -> None:
-        """End the guard, release the bus."""
-        self._guard.close()
-        self._chip.close()
 
 
 def open_board(settings: RcSettings) -> Board:
@@ -260,31 +202,25 @@ def open_board(settings: RcSettings) -> Board:
 
     Raises InputError with the remedy.
     """
-    deadline_s = time.monotonic() + settings.wait_s
-    while True:
-        try:
-            if isinstance(settings, PcaSettings):
-                return PcaBoard(settings)
-            assert isinstance(settings, SerialSettings)
-            return SerialBoard(settings)
-        except ImportError as error:
-            raise InputError(f"serial: needs the package {error.name}: pip install 'trepid[rc]'") from error
-        except OSError as error:
-            if time.monotonic() >= deadline_s:
-                raise InputError(_opening_fault(settings, error)) from error
-            time.sleep(RETRY_S)
 
-
-def _opening_fault(settings: RcSettings, error: OSError) -> str:
-    what = " ".join((os.strerror(error.errno) if error.errno else str(error)).split())
-    if isinstance(settings, PcaSettings):
-        where = f"pca9685: {settings.bus}, address 0x{settings.address:02x}"
-        remedy = "`i2cdetect -y N` lists the devices; your user must be in the group `i2c`"
-    else:
+    def open_one() -> Board:
+        if isinstance(settings, PcaSettings):
+            return PcaBoard(settings)
         assert isinstance(settings, SerialSettings)
-        where = f"serial: {settings.port}"
-        remedy = "`ls /dev/serial/by-id` lists the boards; your user must be in the group `dialout`"
-    return f"{where}: cannot be opened: {what}; {remedy}"
+        return SerialBoard(settings)
+
+    try:
+        return open_within(settings.wait_s, open_one, *_place_and_remedy(settings))
+    except ImportError as error:
+        raise InputError(f"serial: needs the package {error.name}: pip install 'trepid[rc]'") from error
+
+
+def _place_and_remedy(settings: RcSettings) -> tuple[str, str]:
+    if isinstance(settings, PcaSettings):
+        return settings.place_and_remedy("pca9685")
+    assert isinstance(settings, SerialSettings)
+    remedy = "`ls /dev/serial/by-id` lists the boards; your user must be in the group `dialout`"
+    return f"serial: {settings.port}", remedy
 
 
 class PcaActuator(RcActuator):

@@ -12,6 +12,7 @@ from vehicle.actuators.rc.i2c import I2cDevice
 MODE1, MODE2, LED0_ON_L, PRE_SCALE = 0x00, 0x01, 0x06, 0xFE
 RESTART, AUTO_INCREMENT, SLEEP, OUTDRV = 0x80, 0x20, 0x10, 0x04
 COUNTS = 4096
+FULL_OFF = COUNTS  # bit 4 of OFF_H: the output stays low
 WAKE_S = 0.0005  # the oscillator runs so long after the end of the sleep
 
 
@@ -27,6 +28,11 @@ class Pca9685:
         self._device = device
         self._prescale = prescale_of(frequency_hz, oscillator_hz)
         self._counts_per_us = oscillator_hz / (self._prescale + 1) * 1e-6
+
+    @property
+    def period_us(self) -> float:
+        """The time from pulse to pulse [µs]."""
+        return COUNTS * self.count_us
 
     @property
     def count_us(self) -> float:
@@ -54,9 +60,9 @@ class Pca9685:
         return (mode & (AUTO_INCREMENT | SLEEP)) == AUTO_INCREMENT and prescale == self._prescale
 
     def write(self, pulses_us: Mapping[int, float]) -> None:
-        """Set the pulse [µs] of each channel; on at count 0, off at the end of the pulse."""
+        """Set the pulse [µs] of each channel, 0: none; on at count 0, off at the end of the pulse."""
         for channel, pulse_us in pulses_us.items():
-            off = max(0, min(COUNTS - 1, round(pulse_us * self._counts_per_us)))
+            off = round(max(0.0, min(COUNTS - 1, pulse_us * self._counts_per_us))) or FULL_OFF
             self._device.write(bytes([LED0_ON_L + 4 * channel, 0, 0, off & 0xFF, off >> 8]))
 
     def pulse_us(self, channel: int) -> float | None:

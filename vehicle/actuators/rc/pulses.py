@@ -11,6 +11,7 @@ table would be driven faster by a demand that follows its speed. The modelled sp
 first order: v += (v_d - v)·(1 - exp(-dt/T)).
 """
 
+import errno
 import math
 from collections.abc import Sequence
 from itertools import pairwise
@@ -18,6 +19,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from trepid.car.vehicle import Vehicle
 from trepid.config import Settings, wrong_at
 
 Pulse = Annotated[float, Field(ge=400, le=2600)]  # [µs] what servos are made for, and a margin
@@ -65,12 +67,12 @@ class Steering(Pulses):
     def pulse_us(self, angle_rad: float) -> float:
         """Pulse [µs] for the road-wheel angle, + = left; at most the ends."""
         left, right = (self.left_rad, self.left_us), (-self.right_rad, self.right_us)
-        return self.within(_between((right, (0.0, self.centre_us), left), angle_rad))
+        return self.within(interpolate((right, (0.0, self.centre_us), left), angle_rad))
 
     def angle_rad(self, pulse_us: float) -> float:
         """Road-wheel angle [rad] at a pulse: the inverse of :meth:`pulse_us`."""
         points = [(self.right_us, -self.right_rad), (self.centre_us, 0.0), (self.left_us, self.left_rad)]
-        return _between(sorted(points), pulse_us)
+        return interpolate(sorted(points), pulse_us)
 
     def reachable_angle_rad(self, angle_rad: float) -> float:
         """The part of ``angle_rad`` within both ends."""
@@ -117,19 +119,19 @@ class Throttle(Pulses):
         """Pulse [µs] for a speed: exactly neutral for 0, at most that of the fastest speed."""
         if speed_mps <= 0.0:
             return self.neutral_us
-        return self.within(_between(self._points(), speed_mps))
+        return self.within(interpolate(self._points(), speed_mps))
 
     def speed_mps(self, pulse_us: float) -> float:
         """Speed [m/s] that the car reaches at a pulse; 0 on the other side of neutral."""
         points = sorted((pulse, speed) for speed, pulse in self._points())
-        return _between(points, pulse_us)
+        return interpolate(points, pulse_us)
 
     def _points(self) -> Sequence[tuple[float, float]]:
         first = () if self.speeds[0][0] == 0.0 else ((0.0, self.neutral_us),)
         return (*first, *self.speeds)
 
 
-def _between(points: Sequence[tuple[float, float]], x: float) -> float:
+def interpolate(points: Sequence[tuple[float, float]], x: float) -> float:
     """Linear interpolation between ``points`` in rising order of x; constant outside."""
     if x <= points[0][0]:
         return points[0][1]
@@ -179,3 +181,45 @@ class SpeedIntegrator:
         self._then_s = now_s
         self.demand_mps = 0.0
         self.modelled_mps *= math.exp(-for_s / self._lag_s) if self._lag_s > 0.0 else 0.0
+
+
+class Silence:
+    """The time without pulses, after which guard or board have taken the drive away."""
+
+    def __init__(self, after_s: float, motion: SpeedIntegrator) -> None:
+        self._after_s, self._motion = after_s, motion
+        self._written_s = math.inf  # time of the last pulses; inf: none so far
+
+    def check(self, *, now_s: float) -> None:
+        """Raise OSError, once, when no pulses were sent for so long; the motion has then been at rest."""
+        silent_s = now_s - self._written_s
+        if silent_s > self._after_s:
+            self._written_s = now_s
+            self._motion.rest(silent_s - self._after_s, now_s=now_s)
+            raise OSError(errno.ETIMEDOUT, f"no pulses for {silent_s:.2f} s: the throttle went to neutral")
+
+    def end(self, *, now_s: float) -> None:
+        """Pulses have been sent."""
+        self._written_s = now_s
+
+
+class YawModel:
+    """The yaw rate of the bicycle, ψ' = v·tan δ/(L + K_us·v²), with δ behind the pulse by delay and lag."""
+
+    def __init__(self, vehicle: Vehicle, angle_rad: float | None, *, now_s: float) -> None:
+        """``angle_rad``: of the wheels now; None: not known."""
+        self._vehicle, self._turned_rad, self._then_s = vehicle, angle_rad or 0.0, now_s
+
+    def step(self, angle_rad: float | None, speed_mps: float | None, *, now_s: float) -> float | None:
+        """The yaw rate [rad/s] at ``now_s``, with the angle of the last pulse; None where one is not known."""
+        car = self._vehicle
+        late_s = car.steering_delay_s + car.steering_lag_s
+        dt_s, self._then_s = max(0.0, now_s - self._then_s), now_s
+        part = 1.0 - math.exp(-dt_s / late_s) if late_s > 0.0 else 1.0
+        if angle_rad is None:
+            return None
+        self._turned_rad += part * (angle_rad - self._turned_rad)
+        if speed_mps is None:
+            return None
+        length_m = car.wheelbase_m + car.understeer_gradient_rad_per_mps2 * speed_mps**2
+        return speed_mps * math.tan(self._turned_rad) / length_m

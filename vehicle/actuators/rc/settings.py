@@ -64,14 +64,25 @@ class RcSettings(Settings):
         return False
 
 
-class PcaSettings(RcSettings):
-    """The block ``pca9685``."""
+class ChipSettings(Settings):
+    """A PCA9685 and its guard."""
 
     bus: str  # /dev/i2c-N, or unix:PATH
     address: Annotated[int, Field(ge=0x03, le=0x77)]
-    frequency_hz: Annotated[float, Field(ge=40, le=400)]
+    frequency_hz: Annotated[float, Field(ge=40, le=1526)]  # the chip's own range
     oscillator_hz: Annotated[float, Field(ge=20e6, le=32e6)]
     guard_s: Annotated[float, Field(gt=0.03, le=1.0)]
+
+    def place_and_remedy(self, name: str) -> tuple[str, str]:
+        """Where the chip of the block ``name`` is sought, and what to do where it does not answer."""
+        remedy = "`i2cdetect -y N` lists the devices; your user must be in the group `i2c`"
+        return f"{name}: {self.bus}, address 0x{self.address:02x}", remedy
+
+
+class PcaSettings(ChipSettings, RcSettings):
+    """The block ``pca9685``."""
+
+    frequency_hz: Annotated[float, Field(ge=40, le=400)]  # that servos take
 
     @property
     def neutral_after_s(self) -> float:

@@ -13,12 +13,12 @@ from lab.bench.foreign import tile_files
 from lab.bench.foreign.tile_lane import profile
 from lab.bench.foreign.tile_track import read_track
 from lab.bench.foreign.tile_world import Tiles
-from lab.bench.foreign.tiles import CAR
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import InputError, load
+from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Command
 
+CAR = CONFIG_DIR / "cars" / "duckiebot"
 SIZE, TILE_M = 200, 0.6
 EDGE = 0.43  # of a tile, from the yellow line to the white ones
 LOOP = """\
