@@ -46,7 +46,7 @@ CLOSURES = {
         "import perception.node\nfrom perception.estimators import build\nassert build('cv')",
         {"perception"},
         49,
-        4_720,
+        4_770,
     ),
     "cv, which judges the image": Closure(
         "import perception.node\n"
@@ -55,25 +55,25 @@ CLOSURES = {
         "assert build('cv') and build_judge()",
         {"perception"},
         65,
-        6_050,
+        6_100,
     ),
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
         {"perception"},
         42,
-        4_210,
+        4_230,
     ),
     "segments": Closure(
         "import perception.node, perception.segments.estimator",
         {"perception"},
         56,
-        5_130,
+        5_180,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
         {"perception"},
         54,
-        5_550,
+        5_575,
     ),
     "supervisor": Closure(
         "import supervisor.node\n"

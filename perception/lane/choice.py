@@ -155,7 +155,7 @@ class LaneChoice:
                         return self._keep(same, memory)
                 self._rival_looks += 1
                 if self._rival_looks >= track.confirm_looks:
-                    memory.looks, memory.width_seen = 0.0, False
+                    memory.looks, memory.width_seen, memory.end_m = 0.0, False, 0.0
                     return self._keep(rival, memory)
             else:
                 self._rival_looks = 0

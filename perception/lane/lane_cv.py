@@ -105,6 +105,7 @@ class LaneCv:
             lanes_detected=seen,
             reason=reason,
             marked=not memory.by_edges,
+            end_m=memory.end_m,
         )
 
     def _view_of(self, width_px: int, height_px: int) -> ViewTables | None:

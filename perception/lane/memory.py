@@ -25,6 +25,7 @@ class LaneMemory:
         self.probability = 0.0  # of the last detection
         self.one_lane = 1.0  # ..., that it is not both lanes of a road
         self.most = 1.0  # ..., the most confidence that pixels give to it
+        self.end_m = 0.0  # place ahead of the axle up to which points of any frame support the lane
         self.width_seen = False  # whether both boundaries of the remembered lane were detected together
         self.source = LINES  # the boundaries that define the place and width of the lane
         self.by_edges = False  # whether the last detection was of edges
@@ -48,10 +49,11 @@ class LaneMemory:
         share = min(1.0, self.probability / self._settings.good_probability)
         if dt_s < 0 or t_s - self.seen_t_s > max(share * track.max_coast_s, MIN_UNSEEN_S):
             self.lane, self.rival, self.looks, self.neighbour = None, None, 0.0, 0
-            self.width_seen = False
+            self.width_seen, self.end_m = False, 0.0
             return
         way_m = travelled_distance_m(motion, dt_s, track)
         self._unmarked_m, self._unseen_m = self._unmarked_m + way_m, self._unseen_m + way_m
+        self.end_m = max(self.end_m - way_m, 0.0)
         self.lane = predict(self.lane, dt_s, motion, track=track, prior=self._settings.prior)
         if self.rival is not None:
             self.rival = predict(self.rival, dt_s, motion, track=track, prior=self._settings.prior)
@@ -67,6 +69,7 @@ class LaneMemory:
         fit, settings = found.fit, self._settings
         self.looks = min(self._kept * self.looks + 1.0, settings.evidence.sure_looks)
         self._kept, self._unseen_m = 1.0, 0.0
+        self.end_m = max(self.end_m, fit.end_m)
         if not fit.by_edges:
             self._unmarked_m = 0.0
         self.source = EDGES if fit.by_edges and not self.lines_define_place else LINES

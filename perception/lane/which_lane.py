@@ -211,11 +211,12 @@ class WhichLane:
         marked = pair.left.kind == pair.right.kind == BoundaryKind.LINE
         estimate = lane_estimate(
             lane.fit.state, lane.camera, self._settings, self._vehicle,
-            t_s=t_s, confidence=0.0, lanes_detected=seen, reason="", marked=marked,
+            t_s=t_s, confidence=0.0, lanes_detected=seen, reason="", marked=marked, end_m=lane.fit.end_m,
         )  # fmt: skip
         metres = lane_estimate(
             scale_lane(lane.fit.state, pair.height), lane.camera, self._settings, self._vehicle,
             t_s=t_s, confidence=0.0, lanes_detected=seen, reason="", marked=marked,
+            end_m=pair.height * lane.fit.end_m,
         )  # fmt: skip
         drawn = {name: getattr(estimate, name) for name in ("left_boundary_px", "right_boundary_px")}
         return replace(with_camera_doubt(metres, self.belief), **drawn)

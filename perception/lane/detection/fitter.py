@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.lane.detection.grid import LateralGrid
-from perception.lane.model.evidence import EvidenceSettings, LaneFit, boundary_support
+from perception.lane.model.evidence import EvidenceSettings, LaneFit, boundary_support, support_end_m
 from perception.lane.model.fit import FitSettings, LaneSolution, fit_lane, log_evidence
 from perception.lane.model.geometry import (
     PITCH,
@@ -24,6 +24,9 @@ from trepid.types import Array
 STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # times a state: the state without its bend
 EVIDENCE_REACH_M = 30.0  # rows beyond are too few to count as evidence
 WITHIN_M = 0.7  # from a boundary; nearer lines belong to it, as the second line of a kerb
+WITHIN_SIGMAS = (
+    3.0  # of a point that supports a lane: beside a lane that bends away, lines stay within the gate
+)
 TWO_DASHES_M = 6.0  # of 3 m each, or one and a gap
 MIN_DOUBLE = 0.2  # share of the points of a double line that lie between two stripes
 
@@ -70,19 +73,26 @@ class LaneFitter:
         state, residual, gate_m = fitted.state, fitted.residual_m, self.fit.gate_m
         accepted = (fitted.weight > 0) & (np.abs(residual) < gate_m + near.sigma_m)
         density_per_m = count / self.grid.area_m2
+        shown, ahead_m = self._bands_in_image(state.mean)
+        sides = accepted & (side > 0), accepted & (side < 0)
         left, right = (
             boundary_support(
                 near, own, visible, density_per_m=density_per_m, gate_m=gate_m, settings=self.evidence
             )
-            for own, visible in zip(
-                (accepted & (side > 0), accepted & (side < 0)), self._visible(state.mean), strict=True
-            )
+            for own, visible in zip(sides, shown & (ahead_m < EVIDENCE_REACH_M), strict=True)
         )
         if foreseen or left.seen != right.seen:
             left, right = left.foreseen(self.evidence), right.foreseen(self.evidence)
         scaled = (residual / near.sigma_m)[accepted]
         rms = math.sqrt(float(scaled @ scaled) / len(scaled)) if len(scaled) else 0.0
-        return LaneFit(state=state, left=left, right=right, residual=rms)
+        covered = np.zeros(shown.shape, bool)
+        within = np.abs(residual) < WITHIN_SIGMAS * near.sigma_m
+        for row, own in zip(covered, sides, strict=True):
+            row[near.band[own & within]] = True
+        within_m = WITHIN_SIGMAS * float(near.sigma_m.mean()) if len(side) else gate_m
+        chance = 1 - math.exp(-2 * within_m * density_per_m)
+        end_m = support_end_m(covered, shown, ahead_m, chance=chance, share=self.evidence.full_excess)
+        return LaneFit(state=state, left=left, right=right, residual=rms, end_m=end_m)
 
     def line_within(self, points: RoadPoints, mean: Array) -> float:
         """Support of the strongest line inside the lane ``mean``, as ``BoundarySupport.excess``; 0 without one.
@@ -96,10 +106,11 @@ class LaneFitter:
         for place_m in np.arange(-inner_m, inner_m, gate_m):
             line = mean.copy()
             line[E], line[WIDTH] = mean[E] - place_m, 0.0
+            shown, ahead_m = self._bands_in_image(line)
             support = boundary_support(
                 points,
                 np.abs(distance - place_m) < gate_m,
-                self._visible(line)[0],
+                shown[0] & (ahead_m < EVIDENCE_REACH_M),
                 density_per_m=len(x_m) / self.grid.area_m2,
                 gate_m=gate_m,
                 settings=self.evidence,
@@ -108,8 +119,8 @@ class LaneFitter:
                 best = max(best, support.excess)
         return best
 
-    def _visible(self, mean: Array) -> NDArray[np.bool_]:
-        """Whether the left and the right boundary are inside the image and in reach, per band, shape (2, bands).
+    def _bands_in_image(self, mean: Array) -> tuple[NDArray[np.bool_], Array]:
+        """Whether the left and the right boundary are inside the image, per band, shape (2, bands); x of the bands.
 
         Approximates the boundaries by circles plus κ'·x³/6, accurate to a few columns.
         """
@@ -121,7 +132,7 @@ class LaneFitter:
         y_m = parallel_curve(x_m, psi, kappa, place_m) + rate / 6 * x_m**3
         aside_m = (y_m - camera.y_m) * stretch - math.tan(camera.yaw_rad) * grid.ahead_m
         column = camera.cx_px - aside_m * grid.metre_px
-        return (column >= 0) & (column < camera.width_px) & (x_m < EVIDENCE_REACH_M)
+        return (column >= 0) & (column < camera.width_px), x_m
 
 
 def on_middles(points: RoadPoints, side: Array, residual_m: Array) -> RoadPoints:

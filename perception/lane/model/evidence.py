@@ -10,7 +10,9 @@ from pydantic import Field
 
 from perception.lane.model.geometry import LaneState, RoadPoints
 from trepid.config import Settings
-from trepid.types import Positive, Share
+from trepid.types import Array, Positive, Share
+
+MIN_CHANCE = 0.01  # that noise covers a band, where hardly any point lies beside the boundaries
 
 
 class EvidenceSettings(Settings):
@@ -61,6 +63,7 @@ class LaneFit:
     right: BoundarySupport
     residual: float  # rms distance of the accepted points in their standard deviations
     by_edges: bool = False  # fitted to road edges instead of painted lines
+    end_m: float = 0.0  # place ahead of the axle up to which points support it; 0 without any
     apart: float = 0.0  # log-likelihood of road between the edges minus that beside them [nats]
 
     @property
@@ -95,6 +98,27 @@ def boundary_support(
     return BoundarySupport(
         excess=excess, extent_m=extent_m, seen=_is_seen(excess, extent_m, settings.min_extent_m, settings)
     )
+
+
+def support_end_m(
+    covered: NDArray[np.bool_], visible: NDArray[np.bool_], ahead_m: Array, *, chance: float, share: float
+) -> float:
+    """Place up to which boundaries are covered by points, and beyond which only by chance; 0 without such a place.
+
+    ``covered`` and ``visible``: per boundary and band, shape (n, bands), from far to near; ``ahead_m``: of the
+    bands. Each visible band is covered with the probability p₁ = ``chance`` + ``share``·(1 − ``chance``) up to the
+    end, and p₀ = ``chance`` beyond. The end of a boundary is the most likely one: the maximum of the sum, from near
+    to far, of ln(p₁/p₀) for each covered band and ln((1 − p₁)/(1 − p₀)) for each other one (change point of a
+    Bernoulli sequence; Hinkley and Hinkley, Biometrika 57 (1970)). Parallel boundaries support each other, so the
+    farther end counts.
+    """
+    by_chance = max(chance, MIN_CHANCE)
+    until = by_chance + share * (1 - by_chance)
+    hit, miss = math.log(until / by_chance), math.log((1 - until) / (1 - by_chance))
+    likelier = np.cumsum((np.where(covered, hit, miss) * visible)[:, ::-1], axis=1)
+    last = likelier.argmax(axis=1)
+    found = likelier[np.arange(len(last)), last] > 0
+    return float(ahead_m[::-1][last[found]].max()) if found.any() else 0.0
 
 
 def _is_seen(excess: float, extent_m: float, min_extent_m: float, settings: EvidenceSettings) -> bool:

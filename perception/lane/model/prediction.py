@@ -104,6 +104,17 @@ def predict(
     return LaneState(mean=mean, covariance=covariance)
 
 
+def unseen_variance_m2(ahead_m: Array, end_m: float, track: TrackSettings) -> Array:
+    """Variance [m²] that the place of the lane gains at ``ahead_m`` beyond ``end_m``, where no pixel shows it.
+
+    The rate of the curvature changes there as it does between frames, by white noise of the density q =
+    ``curvature_rate_noise_1pm2_per_sqrt_m``². A change at a distance u before a place moves the place by u³/6, so
+    that over d = ``ahead_m`` − ``end_m`` it gains q·∫(u³/6)² du = q·d⁷/252.
+    """
+    beyond_m = np.maximum(ahead_m - end_m, 0.0)
+    return np.asarray(track.curvature_rate_noise_1pm2_per_sqrt_m**2 * beyond_m**7 / 252)
+
+
 def steady(lane: LaneState) -> LaneState:
     """``lane`` with a constant bend: the rate of the bend is the least certain part of a lane just lost."""
     mean = lane.mean.copy()

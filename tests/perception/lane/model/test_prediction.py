@@ -5,7 +5,7 @@ import pytest
 
 from perception.estimators import lane_cv_settings
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, PSI, E, LaneState
-from perception.lane.model.prediction import VehicleMotion, predict, steady
+from perception.lane.model.prediction import VehicleMotion, predict, steady, unseen_variance_m2
 from trepid.messages import VehicleState
 
 SETTINGS = lane_cv_settings()
@@ -48,3 +48,17 @@ def test_a_motion_that_is_not_finite_is_not_known(value):
         t_s=0.0, speed_mps=value, road_wheel_angle_rad=0.0, yaw_rate_radps=value, driver_override=False
     )
     assert VehicleMotion.of(state) == VehicleMotion.of(None) == VehicleMotion(None, None)
+
+
+@pytest.mark.parametrize("beyond_m", [2.0, 10.0, 25.0])
+def test_beyond_the_last_pixel_the_variance_is_that_of_a_road_whose_curvature_rate_walks_randomly(beyond_m):
+    # Steps of y, y', κ and κ' with noise of κ' alone, as an integrator chain of its own.
+    step_m = beyond_m / 400
+    powers = [step_m**k / math.factorial(k) for k in range(4)]
+    walk = np.array([[0.0] * row + powers[: 4 - row] for row in range(4)])
+    covariance, noise = np.zeros((4, 4)), np.zeros((4, 4))
+    noise[3, 3] = SETTINGS.track.curvature_rate_noise_1pm2_per_sqrt_m**2 * step_m
+    for _ in range(400):
+        covariance = walk @ covariance @ walk.T + noise
+    found = unseen_variance_m2(np.array([12.0, 12.0 + beyond_m]), 12.0, SETTINGS.track)
+    assert found == pytest.approx([0.0, covariance[0, 0]], rel=0.02)
