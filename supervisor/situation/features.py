@@ -6,7 +6,7 @@ which is an unknown lane width), one beyond the worst where none does (no lane w
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from operator import attrgetter, itemgetter
 
 from supervisor.inputs.consistency import EdgeWay, Steadiness
@@ -124,19 +124,14 @@ def early_features(
 ) -> Features:
     """EARLY_FEATURES and those of every estimator. ``statistics`` must be fresh or None, ``motion`` None when lost.
 
-    ``rated_as`` maps an estimator to the name in its features; of several with one name the worst counts.
+    ``rated_as`` maps an estimator to the name in its features, which several may share (:func:`rating_features`).
     ``absent`` contains the features of names that rate no running estimator.
     """
     speed_mps = None if motion is None else abs(motion.speed_mps)
     ages = [s.age_s for s in estimates]
-    found: Features = {}
-    for e in estimates:
-        name, steady = rated_as[e.estimator], steadiness[e.estimator]
-        _add(found, name + CONFIDENCE, e.confidence, min)
-        _add(found, name + JITTER, None if e.broken else steady.jitter_m, max)
-        for suffix in (PATH_JITTER, FORMER_PATH_JITTER):
-            _add(found, name + suffix, None if e.broken else steady.path_jitter_m, max)
-    found = {**absent, **found}
+    found: Features = dict(absent)
+    for name in dict.fromkeys(rated_as.values()):
+        found |= rating_features(name, [e for e in estimates if rated_as[e.estimator] == name], steadiness)
     found["frame_age"] = min(ages) if ages else None
     found["estimator_age"] = max(ages) if ages else None
     found["state_age"] = math.inf if motion is None else state_age_s  # inf: missing, which makes fear 1
@@ -166,10 +161,19 @@ def _relative_contrast(statistics: ImageStatistics | None) -> float | None:
     return statistics.contrast / statistics.brightness if statistics.brightness != 0.0 else 0.0
 
 
-def _add(found: Features, name: str, value: float | None, worst: Callable[[float, float], float]) -> None:
-    """Put ``value`` into ``found``, or the worst of it and the one there; None is the worst."""
-    before = found.get(name, value)
-    found[name] = None if before is None or value is None else worst(before, value)
+def rating_features(name: str, rated: list[ValidatedEstimate], steady: Mapping[str, Steadiness]) -> Features:
+    """The features by which the rules rate the estimators ``rated`` under one ``name``.
+
+    The confidence is that of the surest; one that contradicts it raises fear by disagreement and separation.
+    Jitters are drawn as in :func:`_lane_width_error`. A broken one makes all None, a lost one the confidence.
+    """
+    sure = [e.confidence or 0.0 for e in rated]
+    jitters_m = zip(*[steady[e.estimator] for e in rated], strict=True)
+    jitter_m, path_jitter_m = (max(_by_confidence(list(zip(each, sure, strict=True)))) for each in jitters_m)
+    confidence = None if None in [e.confidence for e in rated] else max(sure)
+    found: Features = dict.fromkeys((name + PATH_JITTER, name + FORMER_PATH_JITTER), path_jitter_m)
+    found |= {name + CONFIDENCE: confidence, name + JITTER: jitter_m}
+    return dict.fromkeys(found) if any(e.broken for e in rated) else found
 
 
 def features(

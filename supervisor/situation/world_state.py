@@ -23,7 +23,7 @@ from supervisor.path.giving_way import GivingWay, GivingWaySettings, Way
 from supervisor.path.sight_speed import ReliableSight, SightSettings, SightSpeed
 from supervisor.rules.inference import FearRules
 from supervisor.situation.added import RATED_AS, Moment, absent_values, added_values, rating_names
-from supervisor.situation.features import BEYOND, DOUBT, Features, early_features, features
+from supervisor.situation.features import BEYOND, DOUBT, Features, early_features, features, rating_features
 from trepid.bounds import at_least
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Motion
@@ -127,7 +127,7 @@ class WorldStateObserver:
         frozen = self._unusable(fresh, moving)
         seen = self._validate(estimates, now_s=now_s, frozen=frozen, malformed=malformed)
         state_age_s = limits.age_s(state, now_s=now_s)
-        rated = rating_names(seen, rules, self._rated_as)
+        rated, steadiness = rating_names(seen, rules, self._rated_as), self._consistency.step(seen, moving)
         early = early_features(
             seen,
             fresh,
@@ -135,7 +135,7 @@ class WorldStateObserver:
             motion,
             state_age_s=state_age_s,
             state_doubt=state_doubt(newest, now_s=now_s, settings=limits),
-            steadiness=self._consistency.step(seen, moving),
+            steadiness=steadiness,
             edges=self._edges.step(seen, moving, now_s=now_s),
             saturated_s=self._saturated.step(state is not None and state.saturated is True, now_s=now_s),
             turn_excess_mps2=self._turn_excess.step(newest, motion, now_s=now_s) / self._enlargement,
@@ -145,8 +145,11 @@ class WorldStateObserver:
         )
         now = Moment(tuple(seen), fresh, ahead, motion, early, now_s)
         early = added_values(rules.names, now) | early  # Trepid's own inputs take precedence
-        voices = rules.trust(early)
-        trust = {name: voices[rating].trust for name, rating in rated.items() if rating in voices}
+        voices, alone, trust = rules.trust(early), len(set(rated.values())) == len(rated), dict[str, float]()
+        for e in seen:  # of several that are rated by one name, each by its own features
+            if (name := rated[e.estimator]) in voices:
+                own = voices if alone else rules.trust(early | rating_features(name, [e], steadiness))
+                trust[e.estimator] = own[name].trust
         fused = self._fusion.step(seen, moving, now_s=now_s, trust=trust)
         alone = len(seen) > 1 and len(fused.sources) == 1
         road = fused.path if fused.sources else None

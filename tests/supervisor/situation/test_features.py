@@ -4,11 +4,15 @@ import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from supervisor_rig import ESTIMATE, STATE, STATISTICS
 
+from supervisor.inputs.consistency import Steadiness
+from supervisor.inputs.validation import validate
 from supervisor.rules.inference import FearRules
 from supervisor.rules.proofs import calmest
-from supervisor.situation.features import BEYOND, first_root
+from supervisor.situation.features import BEYOND, first_root, rating_features
 from supervisor.situation.world_state import WorldState, WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle
@@ -33,6 +37,98 @@ def observe(
     s = SETTINGS
     observer = WorldStateObserver(s.validation, s.fusion, s.follow, s.giving_way, s.sight, VEHICLE)
     return observer.step(RULES, {"cv": cv, "cnn": cnn}, statistics, lead, state, now_s=AGE_S)
+
+
+def rate(*rated: tuple[float | None, float]) -> dict[str, float | None]:
+    """The features by one name of estimators of these confidences and jitters; None: a broken one."""
+    seen = {f"e{i}": replace(CV, confidence=math.nan if c is None else c) for i, (c, _) in enumerate(rated)}
+    checked = [
+        validate(name, one, now_s=AGE_S, settings=SETTINGS.validation, wheelbase_m=1.75)
+        for name, one in seen.items()
+    ]
+    steady = {f"e{i}": Steadiness(jitter_m, 2 * jitter_m) for i, (_, jitter_m) in enumerate(rated)}
+    return rating_features("cv", checked, steady)
+
+
+CONFIDENCES, JITTERS = st.floats(0.0, 1.0), st.floats(0.0, 1.0)
+
+
+@given(c=CONFIDENCES, jitter_m=JITTERS, blind_m=JITTERS)
+def test_an_estimator_that_sees_nothing_changes_nothing_of_the_one_it_is_rated_with(c, jitter_m, blind_m):
+    alone = rate((max(c, 0.1), jitter_m))
+    assert (
+        rate((max(c, 0.1), jitter_m), (0.0, blind_m))
+        == rate((0.0, blind_m), (max(c, 0.1), jitter_m))
+        == alone
+    )
+
+
+@given(rated=st.lists(st.tuples(CONFIDENCES, JITTERS), min_size=1, max_size=4), order=st.randoms())
+def test_estimators_rated_by_one_name_count_by_their_confidence_in_any_order(rated, order):
+    found = rate(*rated)
+    assert found["cv_confidence"] == max(c for c, _ in rated)
+    own = [jitter_m for c, jitter_m in rated if c == found["cv_confidence"]]
+    assert max(own) <= (found["cv_jitter"] or 0.0) <= max(jitter_m for _, jitter_m in rated) + 1e-12
+    assert found["cv_path_jitter"] == pytest.approx(2 * (found["cv_jitter"] or 0.0))
+    order.shuffle(rated)
+    if len({c for c, _ in rated}) == len(rated):
+        assert rate(*rated) == found
+
+
+@given(c=CONFIDENCES, first_m=JITTERS, second_m=JITTERS, more_m=JITTERS)
+def test_a_greater_jitter_of_any_of_them_is_never_a_lesser_one_of_their_name(c, first_m, second_m, more_m):
+    before = rate((0.9, first_m), (0.9 * c, second_m))["cv_jitter"] or 0.0
+    for rated in (
+        ((0.9, first_m + more_m), (0.9 * c, second_m)),
+        ((0.9, first_m), (0.9 * c, second_m + more_m)),
+    ):
+        assert (rate(*rated)["cv_jitter"] or 0.0) >= before - 1e-12
+
+
+def test_half_as_sure_an_estimator_counts_with_half_the_jitter_that_it_has_more():
+    assert rate((0.8, 0.1), (0.4, 0.5))["cv_jitter"] == pytest.approx(0.1 + 0.5 * 0.4)
+    assert rate((0.8, 0.1), (0.8, 0.5))["cv_jitter"] == pytest.approx(0.5)
+
+
+def test_a_broken_one_of_them_is_a_missing_input_of_their_name():
+    assert set(rate((0.9, 0.1), (None, 0.1)).values()) == {None}
+
+
+def arcs_beside_cv(arcs: SteeringEstimate) -> WorldState:
+    """A world of cv, cnn, and arcs, which the rules rate as cv."""
+    s = SETTINGS
+    observer = WorldStateObserver(s.validation, s.fusion, s.follow, s.giving_way, s.sight, VEHICLE)
+    seen = {"cv": CV, "cnn": CNN, "arcs": replace(arcs, estimator="arcs")}
+    return observer.step(RULES, seen, STATISTICS, None, STATE, now_s=AGE_S)
+
+
+def test_the_fear_of_cv_and_cnn_is_the_same_beside_a_blind_estimator_rated_as_cv():
+    blind = replace(CV, confidence=0.0, lanes_detected=0, **dict.fromkeys(lane(0, 0), None))  # type: ignore[arg-type]
+    without, beside = observe(), arcs_beside_cv(blind)
+    assert beside.features["cv_confidence"] == without.features["cv_confidence"] == 0.9
+    assert RULES.evaluate(beside.features) == RULES.evaluate(without.features)
+
+
+def test_an_estimator_rated_as_cv_that_sees_another_lane_raises_fear():
+    apart = arcs_beside_cv(replace(CV, **lane(0.8, 0.0)))
+    assert apart.features["cv_confidence"] == 0.9
+    assert (apart.features["disagreement"] or 0.0) > 0.5
+    assert RULES.evaluate(apart.features).fear > RULES.evaluate(observe().features).fear
+
+
+def test_the_trust_in_each_of_two_estimators_rated_as_cv_is_that_of_its_own_jitter():
+    s = SETTINGS
+    observer = WorldStateObserver(s.validation, s.fusion, s.follow, s.giving_way, s.sight, VEHICLE)
+    for frame in range(30):
+        t_s = 0.04 * frame
+        shaking = lane(0.6 * (-1) ** frame, 0.0)
+        seen = {
+            "cv": replace(CV, t_s=t_s),
+            "arcs": replace(CV, estimator="arcs", t_s=t_s, confidence=0.3, **shaking),
+        }
+        state = replace(STATE, t_s=t_s)
+        world = observer.step(RULES, seen, replace(STATISTICS, t_s=t_s), None, state, now_s=t_s + 0.01)
+    assert world.trust["cv"] == 1.0 and world.trust["arcs"] < 0.5
 
 
 def lane(offset_m: float, heading_rad: float, curvature_1pm: float = 0.0) -> dict[str, float]:
