@@ -38,10 +38,13 @@ for path in sorted(Path(sysconfig.get_path("platlib"), "casadi").glob("lib*.so*"
 endef
 export LINK_COPIES
 
-# Imported once at set-up, so that their byte code is not written by many processes at once, nor while a car drives.
-USED := import casadi, control, torch, sim_harness.live.vehicle_node, sim_harness.lockstep.closed_loop, \
-	cockpit.page.node, trepid.recording.node
-export USED
+# Imported once at set-up, in two parts at once, so that their byte code is neither written by each process of the tests
+# nor while a car drives.
+define IMPORT_TESTS
+for part in 'tests/[cdlpv]*' 'tests/[st]* lab/tests'; do \
+	$(BIN)/python -m pytest --collect-only -qq -p no:cacheprovider -m 'not processes' $$part >/dev/null 2>&1 & \
+done; wait
+endef
 
 # Keep byte code, also where the environment says otherwise: the tests start Python hundreds of times.
 unexport PYTHONDONTWRITEBYTECODE
@@ -83,8 +86,8 @@ $(TESTED): pyproject.toml constraints.txt lab/pyproject.toml
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(PIP) --no-compile -e '.[test]'
 	@$(BIN)/python -c "$$LINK_COPIES"
-	@$(BIN)/python -c "$$USED"
 	@$(PIP) --no-deps --no-build-isolation -e lab
+	@$(IMPORT_TESTS)
 	@touch $(READY) $(TESTED)
 	@echo "== $(VENV) is ready to drive and to test"
 
