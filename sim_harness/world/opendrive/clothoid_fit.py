@@ -19,7 +19,7 @@ TOLERANCE_M = 1e-4  # a tenth of the error allowed between export and import
 MIN_SPAN_M = 0.02
 MAX_RAMP_M = 1.0
 RAMP_BULGE = (
-    0.2  # of a ramp that begins at an angle to the curve: a cubic is 4/27 of angle times length off it
+    0.25  # angle times length that a ramp which begins at an angle may be off; a cubic is 4/27 of it off
 )
 CHECKS = 9  # places within a span where the fit is compared with the curve
 SAME_CURVATURE_1PM = 1e-10

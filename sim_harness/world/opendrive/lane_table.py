@@ -161,10 +161,14 @@ class LaneSection:
         return sign * value_m - sum(self.width_at(n, s, near) for n in range(sign, lane_id, sign))
 
     def centre_at(self, lane_id: int, s: float, near: float) -> float:
-        """Offset [m] of the centre of a lane from lane 0, + = left."""
+        """Offset [m] of the centre of a lane from lane 0, + = left.
+
+        A width goes on below 0 by ROUNDING_M, so that the centre has a slope where a lane inside opens.
+        """
         sign = _sign(lane_id)
-        inner = sum(self.width_at(n, s, near) for n in range(sign, lane_id, sign))
-        return sign * (inner + self.width_at(lane_id, s, near) / 2)
+        found = [self._polynomial_at(n, s, near) for n in range(sign, lane_id + sign, sign)]
+        widths_m = [width_m if width_m > -ROUNDING_M else 0.0 for width_m in found]
+        return sign * (sum(widths_m[:-1]) + widths_m[-1] / 2)
 
     def outwards(self, lane_id: int, sign: int) -> Iterator[int]:
         """Ids of the lanes beyond ``lane_id`` to the left (``sign`` 1) or right (-1)."""

@@ -443,6 +443,22 @@ def test_a_marking_without_a_place_is_that_of_the_whole_lane(tmp_path):
     assert read_opendrive(marked).settings == with_place
 
 
+@pytest.mark.parametrize("opens_m", [200.0, 50.0])
+def test_the_middle_of_a_lane_beside_one_that_opens_in_a_straight_line_is_followed(tmp_path, opens_m):
+    """3.5 m wider, linearly, as hand-written files and some editors have it: the middle turns aside at an angle."""
+    opening = cubic("width", (0.0, 0.0, 3.5 / opens_m, 0.0, 0.0))
+    after = lane(-1, width=opening) + lane(-2, before=-1)
+    geometry = shapes((60.0 + opens_m, LINE))
+    path = write_roads(
+        tmp_path, road("1", geometry, section(0.0, right=lane(-1)) + section(60.0, right=after))
+    )
+    found = Road(read_opendrive(path).settings)
+    s = np.linspace(0.0, 60.0 + opens_m, 4000)
+    truth = np.column_stack([s, -1.75 - np.maximum(s - 60.0, 0.0) * 3.5 / opens_m])
+    assert found.length_m == pytest.approx(60.0 + math.hypot(opens_m, 3.5), abs=0.01)
+    assert away_m(found, truth) < 0.01
+
+
 def test_a_lane_beyond_a_strip_of_grass_may_be_narrower_than_nothing(tmp_path):
     broken = lane(2, width=cubic("width", (0.0, 3.5, -0.05, 0.0, 0.0)))
     path = straight(tmp_path, lane(-1), lane(1, kind="none") + broken)
