@@ -30,9 +30,9 @@ def lane_estimate(
 
     Pixels support the lane up to ``end_m``; beyond it the deviation grows by :func:`unseen_variance_m2`.
     """
-    clothoid, lookahead_m, track = lane.clothoid, settings.steering.lookahead_m, settings.track
-    reach_m = known_reach_m(lane, settings.drawn_reach_m, settings.evidence.drawn_sigma_m, end_m, track)
-    unseen_m2 = unseen_variance_m2(np.array(SIGMA_AHEAD_M), end_m, track)
+    clothoid, lookahead_m = lane.clothoid, settings.steering.lookahead_m
+    reach_m = known_reach_m(lane, settings.drawn_reach_m, settings.evidence.drawn_sigma_m)
+    unseen_m2 = unseen_variance_m2(np.array(SIGMA_AHEAD_M), end_m, settings.track)
     left, right = boundary_paths(lane, camera, reach_m=reach_m)
     return SteeringEstimate(
         t_s=t_s,

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 
 from perception.lane.model.geometry import PITCH, LaneState, lane_curve
-from perception.lane.model.prediction import TrackSettings, unseen_variance_m2
 from trepid.car.camera import Camera
 from trepid.messages import PixelPath
 from trepid.types import Array
@@ -30,16 +29,10 @@ def boundary_paths(lane: LaneState, camera: Camera, *, reach_m: float) -> tuple[
     return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
 
 
-def known_reach_m(
-    state: LaneState, reach_m: float, sigma_m: float, end_m: float, track: TrackSettings
-) -> float:
-    """Distance [m] up to which the lane centre is known to ``sigma_m``: at most ``reach_m``, at least 5 m.
-
-    Pixels support ``state`` up to ``end_m`` (:func:`perception.lane.model.prediction.unseen_variance_m2`).
-    """
+def known_reach_m(state: LaneState, reach_m: float, sigma_m: float) -> float:
+    """Distance [m] up to which the lane centre is known to ``sigma_m``: at most ``reach_m``, at least 5 m."""
     ahead_m, gradient = _centre_gradient(reach_m)
     variance = (gradient * (state.covariance[:4, :4] @ gradient)).sum(axis=0)
-    variance += unseen_variance_m2(ahead_m, end_m, track)
     known = variance <= sigma_m**2
     first = int(known.argmax())
     return float(ahead_m[first]) if known[first] else min(reach_m, MIN_REACH_M)

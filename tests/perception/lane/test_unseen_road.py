@@ -38,12 +38,6 @@ def test_a_road_that_bends_behind_a_wall_is_within_two_deviations(bend_1pm):
     assert (np.abs(off_m) < 2 * np.array(seen.ahead_sigma_m) + 0.1).all()
 
 
-def test_boundaries_are_drawn_little_farther_than_the_road_is_shown():
-    wall_m = 12.0
-    seen = look(behind_a_wall((0.0, 0.0, 0.0, 0.0), wall_m))
-    assert 0.5 * wall_m < CAMERA.road_from_pixel(np.array(seen.left_boundary_px))[:, 0].max() < 2.2 * wall_m
-
-
 def test_the_end_that_was_seen_comes_nearer_by_the_way_driven():
     finder, speed_mps, ends_m = LaneCv(SETTINGS, CAMERA, VEHICLE), 10.0, []
     for number in range(20):
