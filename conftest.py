@@ -17,12 +17,14 @@ os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(
     prefix="trepid-state-"
 )  # drives write their last minutes there
 
-import pytest  # noqa: E402  after the limits, which libraries read when they are imported
+import cv2  # noqa: E402  after the limits, which libraries read when they are imported
+import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 # Timing decides no test, on however loaded a machine. The examples are others in every run.
 settings.register_profile("untimed", deadline=None, max_examples=int(os.environ.get("EXAMPLES", "40")))
 settings.load_profile("untimed")
+cv2.setNumThreads(1)  # here alone: the processes of a drive do as they do without tests
 
 
 def pytest_configure() -> None:
