@@ -46,7 +46,7 @@ CLOSURES = {
         "import perception.node\nfrom perception.estimators import build\nassert build('cv')",
         {"perception"},
         49,
-        4_770,
+        4_800,
     ),
     "cv, which judges the image": Closure(
         "import perception.node\n"
@@ -55,7 +55,7 @@ CLOSURES = {
         "assert build('cv') and build_judge()",
         {"perception"},
         65,
-        6_100,
+        6_125,
     ),
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
@@ -67,7 +67,7 @@ CLOSURES = {
         "import perception.node, perception.segments.estimator",
         {"perception"},
         56,
-        5_180,
+        5_205,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",

@@ -40,16 +40,16 @@ class LaneChoice:
         """Two good lines, else the better of lines and edges."""
         settings = self._settings
         self._lines_missing = self._layout_misses = 0
-        lines = self._rating.candidate(search.lines_anywhere())
+        lines = self._rate(search.lines_anywhere(), memory)
         if lines.score >= settings.enough_score and lines.fit.boundaries_seen == 2:
             return lines
-        edges = self._rating.candidate(search.edges_anywhere())
+        edges = self._rate(search.edges_anywhere(), memory)
         if edges.fit.boundaries_seen == 1:
             edges = replace(edges, score=edges.score * settings.evidence.lone_edge_trust)
         if edges.score >= settings.min_score and self._has_two_lanes(edges.fit):
             half = half_with_vehicle(edges.fit.state, settings.prior)
             if half is not None:
-                within = self._rating.candidate(search.lines_near(half))
+                within = self._rate(search.lines_near(half), memory)
                 if self._probability(within, memory) > self._probability(lines, memory):
                     lines = within
         best = self._lines_or_edges(lines, edges, memory)
@@ -77,6 +77,11 @@ class LaneChoice:
             return self._keep(edges, memory)
         return self._unless_rival(self._lines_or_edges(lines, edges, memory), search, memory)
 
+    def _rate(self, fit: LaneFit, memory: LaneMemory) -> Candidate:
+        """``fit`` with its score; 0 where it turns off the road that was shown before a gap."""
+        candidate = self._rating.candidate(fit)
+        return replace(candidate, score=0.0) if memory.is_turned_from(fit) else candidate
+
     def _follow_lines(self, search: FrameSearch, memory: LaneMemory) -> Candidate:
         """The lines of the predicted lane, or the best lines near it if those are not good.
 
@@ -85,10 +90,10 @@ class LaneChoice:
         """
         predicted, missing = memory.between_lines, self._lines_missing
         if memory.source == LINES and memory.rival is None and (missing == 0 or missing % 2):
-            lines = self._rating.candidate(search.lines_at(predicted))
+            lines = self._rate(search.lines_at(predicted), memory)
             if missing or self._is_rival_due or lines.score >= self._settings.good_score:
                 return lines
-        return self._rating.candidate(search.lines_near(predicted))
+        return self._rate(search.lines_near(predicted), memory)
 
     def _follow_edges(self, search: FrameSearch, memory: LaneMemory) -> Candidate:
         """The edges of the predicted road, or of the road around a lane between lines; score 0 without a match.
@@ -100,7 +105,7 @@ class LaneChoice:
         assert memory.lane is not None
         road, track = memory.between_edges, self._settings.track
         if memory.source == EDGES:
-            edges = self._rating.candidate(search.edges_at(road))
+            edges = self._rate(search.edges_at(road), memory)
             return edges if _continues(edges.fit, memory.lane, track) else replace(edges, score=0.0)
         keeps_place = memory.lines_define_place
         side = self._layout(memory) if keeps_place else 0
@@ -111,7 +116,7 @@ class LaneChoice:
         memory.neighbour, self._layout_misses = side, 0
         if keeps_place:
             fit = replace(fit, state=along_road(memory.lane, fit.state))
-        return self._rating.candidate(fit)
+        return self._rate(fit, memory)
 
     def _layout(self, memory: LaneMemory) -> int:
         """The side of the second lane to test: that of the last match, or after a miss one of the others."""
@@ -147,10 +152,10 @@ class LaneChoice:
         assert lane is not None
         shape, memory.rival = memory.rival, None
         if shape is not None and not weak.sure:
-            rival, enough = self._rating.candidate(search.lines_like(shape)), weak.score + track.rival_margin
+            rival, enough = self._rate(search.lines_like(shape), memory), weak.score + track.rival_margin
             if rival.score > enough:
                 if _continues(rival.fit, lane, track):
-                    same = self._rating.candidate(search.lines_like(shape, memory.between_lines))
+                    same = self._rate(search.lines_like(shape, memory.between_lines), memory)
                     if same.score > enough:
                         return self._keep(same, memory)
                 self._rival_looks += 1

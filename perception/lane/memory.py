@@ -2,10 +2,12 @@
 
 import math
 
+from perception.lane.model.evidence import LaneFit
 from perception.lane.model.geometry import LaneState
 from perception.lane.model.lane_in_road import lane_within, road_around
 from perception.lane.model.prediction import VehicleMotion, predict, steady, travelled_distance_m
 from perception.lane.model.prior import looks_straight, on_straight
+from perception.lane.model.shown import StraightStretch
 from perception.lane.rating import NO_FACTORS, Candidate, Rating
 from perception.lane.settings import LaneCvSettings
 
@@ -31,6 +33,8 @@ class LaneMemory:
         self.by_edges = False  # whether the last detection was of edges
         self.rival: LaneState | None = None  # a shape elsewhere with the most votes, not yet fitted
         self.neighbour = 0  # side of a second lane of the road: 1 left, -1 right, 0 none
+        self._shown: StraightStretch | None = None  # of the road ahead; None in a bend
+        self._is_gap = False  # whether the frame before had no detection
         self._t_s = 0.0  # time of `lane`
         self._straight = False  # whether the road was straight at the last detection
         self._unmarked_m = 0.0  # driven since the last detection of lines
@@ -43,9 +47,12 @@ class LaneMemory:
         A lane without detection is remembered for ``max_coast_s``, and for less if its probability was below
         ``good_probability``.
         """
+        track = self._settings.track
+        if self._shown is not None:
+            self._shown = self._shown.after(motion, t_s, max_s=track.max_shown_s)
         if self.lane is None:
             return
-        dt_s, track = t_s - self._t_s, self._settings.track
+        dt_s = t_s - self._t_s
         share = min(1.0, self.probability / self._settings.good_probability)
         if dt_s < 0 or t_s - self.seen_t_s > max(share * track.max_coast_s, MIN_UNSEEN_S):
             self.lane, self.rival, self.looks, self.neighbour = None, None, 0.0, 0
@@ -68,7 +75,7 @@ class LaneMemory:
         """
         fit, settings = found.fit, self._settings
         self.looks = min(self._kept * self.looks + 1.0, settings.evidence.sure_looks)
-        self._kept, self._unseen_m = 1.0, 0.0
+        self._kept, self._unseen_m, self._is_gap = 1.0, 0.0, False
         self.end_m = max(self.end_m, fit.end_m)
         if not fit.by_edges:
             self._unmarked_m = 0.0
@@ -77,12 +84,23 @@ class LaneMemory:
         self._t_s = self.seen_t_s = t_s
         odds = (settings.edge_fit if fit.by_edges else settings.fit).straight_log_odds
         self._straight = looks_straight(self.lane, settings.prior, log_odds=odds)
+        self._shown = StraightStretch.of(fit, t_s, before=self._shown) if self._straight else None
         return self._straighten(self.lane)
+
+    def is_turned_from(self, fit: LaneFit) -> bool:
+        """Whether ``fit`` turns where the road was shown straight, after a gap or on the word of one boundary.
+
+        At the mouth of a side road the lines of the lane end, and an edge line leads around the corner.
+        """
+        doubted = self._is_gap or self.lane is None or fit.boundaries_seen < 2
+        if self._shown is None or not doubted:
+            return False
+        return self._shown.is_left_by(fit, self._settings.track.gate_heading_rad)
 
     def coast(self) -> LaneState:
         """Keep the predicted lane without a detection, with a constant bend; returns it."""
         assert self.lane is not None
-        self._kept = self.fade
+        self._kept, self._is_gap = self.fade, True
         self.lane = steady(self._straighten(self.lane))
         return self.lane
 

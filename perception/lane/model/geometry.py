@@ -19,6 +19,7 @@ from trepid.messages import SIGMA_AHEAD_M
 from trepid.types import Array
 
 E, PSI, KAPPA, KAPPA_RATE, WIDTH, PITCH = range(6)
+BEND = slice(KAPPA, KAPPA_RATE + 1)  # (κ0, κ')
 MIN_CURVATURE_1PM = 1e-10  # a straight lane is computed as this bend
 MAX_TURN_RAD = 1.3  # a lane that has turned further is out of sight
 

@@ -32,6 +32,7 @@ class TrackSettings(Settings):
     pitch_memory_s: Positive
     curvature_rate_memory_m: Positive
     max_coast_s: Positive
+    max_shown_s: Positive
     coast_decay_s: Positive
     coast_decay_m: Positive
     gate_offset_m: Positive

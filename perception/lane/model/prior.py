@@ -5,11 +5,9 @@ import math
 import numpy as np
 
 from perception.lane.model.fit import solve_positive
-from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, LaneState
+from perception.lane.model.geometry import BEND, WIDTH, LaneState
 from trepid.config import Settings
 from trepid.types import NonNegative, Positive
-
-BEND = slice(KAPPA, KAPPA_RATE + 1)  # (κ0, κ')
 
 
 class PriorSettings(Settings):

@@ -1,6 +1,6 @@
 """The choice between candidates that are given instead of detected."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -9,7 +9,8 @@ from perception.estimators import lane_cv_settings
 from perception.lane.choice import LaneChoice
 from perception.lane.memory import LaneMemory
 from perception.lane.model.evidence import NO_SUPPORT, BoundarySupport, LaneFit
-from perception.lane.model.geometry import WIDTH, E, LaneState
+from perception.lane.model.geometry import KAPPA, WIDTH, E, LaneState
+from perception.lane.model.prediction import VehicleMotion
 from perception.lane.rating import Rating
 
 SETTINGS = lane_cv_settings()
@@ -17,16 +18,19 @@ RATING = Rating(SETTINGS)
 NO_LANE = LaneFit(SETTINGS.prior.lane, NO_SUPPORT, NO_SUPPORT, 0.0)
 
 
-def fit(width_m: float, excess: float, *, offset_m: float = 0.0, apart: float | None = None) -> LaneFit:
+def fit(
+    width_m: float, excess: float, *, offset_m: float = 0.0, apart: float | None = None, bend_1pm: float = 0.0
+) -> LaneFit:
     """A lane between lines or, with ``apart``, a road between edges."""
     mean = np.zeros(6)
-    mean[[E, WIDTH]] = offset_m, width_m
+    mean[[E, KAPPA, WIDTH]] = offset_m, bend_1pm, width_m
     side = BoundarySupport(excess=excess, extent_m=20.0, seen=True)
     state = LaneState(mean, np.diag([0.01, 0.001, 1e-4, 1e-6, 0.01, 1e-4]) ** 2)
-    return LaneFit(state, side, side, 0.5, by_edges=apart is not None, apart=apart or 0.0)
+    return LaneFit(state, side, side, 0.5, by_edges=apart is not None, apart=apart or 0.0, end_m=20.0)
 
 
 GOOD, WEAK = fit(3.4, 0.35), fit(3.4, 0.066)
+CORNER = fit(3.4, 0.35, bend_1pm=-0.1)
 ONE_LANE, TWO_LANES = fit(4.2, 0.35, apart=8.0), fit(6.2, 0.35, apart=8.0)
 
 
@@ -127,6 +131,35 @@ def test_lines_close_by_that_do_not_fit_the_remembered_lane_must_be_found_as_oft
     fits = [choose(given, memory, choice).fit for _ in range(frames)]
     assert [one is WEAK for one in fits] == [True] * (frames - 1) + [False]
     assert memory.looks == 0.0
+
+
+@pytest.mark.parametrize(("gap", "one_boundary", "chosen"), [(0, False, 40), (3, False, 0), (0, True, 0)])
+def test_a_lane_that_turns_off_the_road_shown_needs_two_boundaries_and_no_gap(gap, one_boundary, chosen):
+    corner = replace(CORNER, left=NO_SUPPORT) if one_boundary else CORNER
+    memory, choice, given, found = memory_of(GOOD), LaneChoice(SETTINGS, RATING), GivenSearch(), []
+    memory.probability = 1.0
+    for number in range(gap + 40):
+        if number == gap:
+            given = GivenSearch(lines=corner, near=corner, edges=corner, continued=corner)
+        memory.predict(0.04 * number, VehicleMotion(0.5, 0.0))
+        best = choose(given, memory, choice)
+        if best is None:
+            memory.coast()
+        else:
+            memory.update(best, 0.04 * number)
+            found.append(best.fit)
+    assert len(found) == chosen
+
+
+def test_a_forgotten_lane_leaves_the_road_that_was_shown_and_its_end_frees_the_choice():
+    memory, choice, given = memory_of(GOOD), LaneChoice(SETTINGS, RATING), GivenSearch(lines=CORNER)
+    memory.probability, found = 1.0, []
+    for t_s in (3.5, 4.0, 30.0):  # 3.5 m, 4 m and more than the 20 m that were shown
+        memory.predict(t_s, VehicleMotion(1.0, 0.0))
+        assert memory.lane is None
+        found.append(choose(given, memory, choice))
+    assert found[:2] == [None, None]
+    assert found[2].fit is CORNER
 
 
 def searches_of(given: GivenSearch, memory: LaneMemory, frames: int) -> list[list[str]]:

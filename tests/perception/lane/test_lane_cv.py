@@ -105,6 +105,27 @@ def test_the_lane_of_an_unmarked_road_is_measured_by_its_edges(lane):
     assert seen.marked is False
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_line_around_the_corner_of_a_side_road_is_not_the_lane_that_was_shown_straight(side):
+    finder, speed_mps, period_s, seen = LaneCv(SETTINGS, CAMERA, VEHICLE), 5.0, 0.04, []
+    bare = road((0.0, 0.0, 0.0, 0.0), left=None, right=None, verge_m=9.0)
+    corner = bare.copy()
+    ribbon(corner, CAMERA, (0.0, 0.0, side * 0.09, 0.0), side * 1.7, 0.12, WHITE)
+    for number, image in enumerate(
+        [road((0.0, 0.0, 0.0, 0.0), verge_m=9.0)] * 8 + [bare] * 4 + [corner] * 20
+    ):
+        t_s = number * period_s
+        state = VehicleState(
+            t_s=t_s, speed_mps=speed_mps, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+        )
+        seen.append(finder.step(Frame(t_s=t_s, image=image), state, now_s=t_s))
+    alone = [LaneCv(SETTINGS, CAMERA, VEHICLE).step(Frame(t_s=0.0, image=corner), None, now_s=0.0)]
+    assert abs(alone[0].curvature_1pm) > 0.05  # it is a lane by itself
+    assert max(abs(one.curvature_1pm) for one in seen) < 0.002
+    assert max(abs(one.lateral_offset_m) for one in seen) < 0.1
+    assert [one.confidence for one in seen[8:]] == sorted([one.confidence for one in seen[8:]], reverse=True)
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_with_one_boundary_ever_seen_the_confidence_is_at_most_one_half(side):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE, guarded=True)
