@@ -193,6 +193,24 @@ BENCHMARKS = {
         "the optimisers of the training loop on one network, at equal epochs, four seeds each",
         continued=True,
     ),
+    "study-recipes": Benchmark(
+        "study.recipes",
+        "the samplers of `trepid train --search` on the recipe of a network, at equal evaluations",
+        pictured=False,
+        continued=True,
+    ),
+    "study-areas": Benchmark(
+        "study.areas",
+        "every technique that finds the drivable lane or area on one data set, ranked over its seeds",
+        pictured=False,
+        continued=True,
+    ),
+    "study-shrinking": Benchmark(
+        "study.areas",
+        "right lanes of four techniques on images of 320×240 to 48×36 and in grey, by scene",
+        pictured=False,
+        continued=True,
+    ),
     "study-weights": Benchmark(
         "study.weights",
         "the weights of a small network by populations, by gradients, by both, with its units: equal evaluations",

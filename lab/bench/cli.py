@@ -75,7 +75,8 @@ def bench(
             min=1,
             help="perception, imitation, fear-severity, sight, within-sight, people, tracks, tiles, hills, "
             "junctions, "
-            "measured-faults, study-samplers, suite: processes; faults: drives; default: 1, suite 2.",
+            "measured-faults, study-samplers, study-areas, study-shrinking, suite: processes; faults: drives; "
+            "default: 1, suite 2.",
         ),
     ] = None,
     keep_frames: Annotated[

@@ -196,36 +196,40 @@ def bench_samplers(seed: int, *, jobs: int = 1) -> Row:
 def compare(values: NDArray[np.float64]) -> Row:
     """The tables of least values of shape (functions, seeds, samplers)."""
     ranks = rankdata(values, axis=2).mean(axis=1)  # function × sampler
-    rng = np.random.default_rng(0)
-    drawn = rng.integers(len(ranks), size=(RESAMPLES, len(ranks)))
-    low, high = np.percentile(ranks[drawn].mean(axis=1), INTERVAL_PERCENT, axis=0)
-    names = list(SAMPLERS)
-    gains = ranks[:, [names.index(BASELINE)]] - ranks
-    others = [j for j, name in enumerate(names) if name != BASELINE]
-    chance = {j: float(wilcoxon(gains[:, j], alternative="greater").pvalue) for j in others}
-    corrected = _holm(chance)
-    table: dict[str, Row] = {
-        name: {
-            "mean rank": round(float(ranks[:, j].mean()), 2),
-            "from": round(float(low[j]), 2),
-            "to": round(float(high[j]), 2),
-            "functions better than random": int((gains[:, j] > 0).sum()) if j in chance else None,
-            "p against random": float(f"{corrected[j]:.2g}") if j in chance else None,
-        }
-        for j, name in enumerate(names)
-    }
     medians = {
-        function: {name: float(f"{np.median(values[i, :, j]):.3g}") for j, name in enumerate(names)}
+        function: {name: float(f"{np.median(values[i, :, j]):.3g}") for j, name in enumerate(SAMPLERS)}
         for i, function in enumerate(FUNCTIONS)
     }
     return {
-        "ranks over all functions": dict(sorted(table.items(), key=lambda one: one[1]["mean rank"])),
+        "ranks over all functions": rank_samplers(ranks, "functions"),
         "median of the least values": medians,
         "Friedman p": float(f"{friedmanchisquare(*ranks.T).pvalue:.2g}"),
         "evaluations a search": EVALUATIONS,
         "dimensions": DIMENSIONS,
         "seeds": values.shape[1],
     }
+
+
+def rank_samplers(ranks: NDArray[np.float64], units: str) -> dict[str, Row]:
+    """The mean ranks, best first, of ranks of shape (``units``, samplers), and the tests against random search."""
+    rng = np.random.default_rng(0)
+    drawn = rng.integers(len(ranks), size=(RESAMPLES, len(ranks)))
+    low, high = np.percentile(ranks[drawn].mean(axis=1), INTERVAL_PERCENT, axis=0)
+    names = list(SAMPLERS)
+    gains = ranks[:, [names.index(BASELINE)]] - ranks
+    others = [j for j, name in enumerate(names) if name != BASELINE]
+    corrected = _holm({j: float(wilcoxon(gains[:, j], alternative="greater").pvalue) for j in others})
+    table: dict[str, Row] = {
+        name: {
+            "mean rank": round(float(ranks[:, j].mean()), 2),
+            "from": round(float(low[j]), 2),
+            "to": round(float(high[j]), 2),
+            f"{units} better than random": int((gains[:, j] > 0).sum()) if j in corrected else None,
+            "p against random": float(f"{corrected[j]:.2g}") if j in corrected else None,
+        }
+        for j, name in enumerate(names)
+    }
+    return dict(sorted(table.items(), key=lambda one: one[1]["mean rank"]))
 
 
 def _holm(chance: Mapping[int, float]) -> dict[int, float]:
