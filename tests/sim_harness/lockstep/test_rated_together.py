@@ -1,4 +1,4 @@
-"""A second estimator that the rules rate as `cv` does not slow a car where it sees nothing."""
+"""A second estimator that the rules rate as `cv` does not slow a car where it sees next to nothing."""
 
 import pytest
 
@@ -7,14 +7,14 @@ from sim_harness.judging.trace import Trace
 
 
 def drive(*estimators: str) -> Trace:
-    """Six seconds on a road without lines, in which `arcs` finds nothing."""
+    """Six seconds on a road without lines, in which `arcs` finds next to nothing."""
     settings = {"estimators": list(estimators), "duration_s": 6}
     return trepid.run("unmarked_bend", seed=0, settings=settings).trace
 
 
 @pytest.mark.long
-def test_cv_beside_blind_arcs_is_as_fast_as_cv_alone_and_no_more_afraid():
+def test_cv_beside_unsure_arcs_is_as_fast_as_cv_alone_and_no_more_afraid():
     alone, beside = drive("cv"), drive("cv", "arcs")
-    assert beside["arcs.confidence"][-50:].max() == 0.0
+    assert beside["arcs.confidence"][-50:].max() < 0.2
     assert beside["speed_mps"].mean() >= alone["speed_mps"].mean()
     assert beside["decision.fear"].mean() <= alone["decision.fear"].mean()
