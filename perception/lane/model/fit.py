@@ -1,6 +1,5 @@
 """The robust fit of a lane to boundary points under a Gaussian prior."""
 
-import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -14,10 +13,9 @@ from perception.lane.model.geometry import (
     PITCH,
     PSI,
     WIDTH,
-    E,
     LaneState,
     RoadPoints,
-    lane_coordinates,
+    lane_derivatives,
     level_points,
 )
 from trepid.car.camera import Camera
@@ -160,23 +158,12 @@ def _robust_scale(points: RoadPoints, settings: FitSettings) -> Array:
 
 def _residuals(points: RoadPoints, side: Array, mean: Array, camera: Camera) -> tuple[Array, Array]:
     """Residuals [m], shape (n,), and their derivatives by the state, shape (6, n)."""
-    e, psi, kappa, rate, width, pitch = mean.tolist()
+    _, psi, kappa, rate, width, pitch = mean.tolist()
     x_m, y_m = level_points(points, pitch, camera)
-    station, distance, root = lane_coordinates(x_m, y_m, mean)
-    sin, cos = math.sin(-psi), math.cos(-psi)
-    square = station * station
-    cube = square * station / 6
-    # Of the concentric circle through the axle: d_v = d − e + κ'·s³/6 and κ_v = κ0/(1 − κ0·e).
-    to_axle_circle = distance - e + rate * cube
-    by_bend = to_axle_circle * to_axle_circle - x_m * x_m - y_m * y_m
-    by_bend /= 2 * max(1 - kappa * e, 0.2) ** 2 * root
-    course = kappa * station + rate / 2 * square - psi
-    ahead, left = x_m - camera.x_m, y_m - camera.y_m
     jacobian = np.empty((6, len(side)))
-    jacobian[E] = 1 + by_bend * kappa**2
-    jacobian[PSI] = (x_m * cos + y_m * sin) / root
-    jacobian[KAPPA] = by_bend
-    jacobian[KAPPA_RATE] = -cube
+    station, distance = lane_derivatives(x_m, y_m, mean, jacobian)
+    course = kappa * station + rate / 2 * (station * station) - psi
+    ahead, left = x_m - camera.x_m, y_m - camera.y_m
     jacobian[WIDTH] = -side / 2
     jacobian[PITCH] = ahead / -camera.height_m * (left * np.cos(course) - ahead * np.sin(course))
     return distance - side * (width / 2), jacobian

@@ -90,6 +90,25 @@ def lane_coordinates(x_m: Array, y_m: Array, mean: Array) -> tuple[Array, Array,
     return station, distance + (offset - rate / 6 * (station * station * station)), root
 
 
+def lane_derivatives(x_m: Array, y_m: Array, mean: Array, out: Array) -> tuple[Array, Array]:
+    """(s, d) of :func:`lane_coordinates`; the derivatives of d by (e, ψ, κ, κ') become the first rows of ``out``.
+
+    Of the concentric circle through the axle: d_v = d - e + κ'·s³/6 and κ_v = κ0/(1 - κ0·e). The change of s in the
+    clothoid term is left out.
+    """
+    e, psi, kappa, rate = mean[:WIDTH].tolist()
+    station, distance, root = lane_coordinates(x_m, y_m, mean)
+    cube = station * station * station / 6
+    to_axle_circle = distance - e + rate * cube
+    by_bend = to_axle_circle * to_axle_circle - x_m * x_m - y_m * y_m
+    by_bend /= 2 * max(1 - kappa * e, 0.2) ** 2 * root
+    out[E] = 1 + by_bend * kappa**2
+    out[PSI] = (x_m * math.cos(-psi) + y_m * math.sin(-psi)) / root
+    out[KAPPA] = by_bend
+    out[KAPPA_RATE] = -cube
+    return station, distance
+
+
 def distances(x_m: Array, y_m: Array, means: Array) -> Array:
     """d of :func:`lane_coordinates` of road points (m,) for each of n lanes (n, ≥ 4), shape (n, m)."""
     offset, heading, curvature, rate = means[:, :WIDTH].T[..., None]

@@ -15,7 +15,16 @@ Chernov, Circular and Linear Regression (2010), chapter 4.
 
 import numpy as np
 
-from perception.lane.model.geometry import KAPPA, PSI, WIDTH, E, distances, lane_coordinates, lane_curve
+from perception.lane.model.geometry import (
+    KAPPA,
+    PSI,
+    WIDTH,
+    E,
+    distances,
+    lane_coordinates,
+    lane_curve,
+    lane_derivatives,
+)
 from perception.techniques.boundaries.evidence import (
     LEAST,
     STEP_M,
@@ -41,8 +50,6 @@ MEMORY = 2.0  # weight of a remembered point; the visible points of STEP_M weigh
 MOST_OFFSET, MOST_HEADING_RAD, MOST_BEND_1PM = 0.6, 0.8, 0.2  # the offset in lane widths
 MOST_WIDENING = 0.35
 DRAWN_M, DRAWN = 0.3, 100.0  # scale and weight of the points of boundaries that are drawn, not measured
-NUDGE = np.array([1e-4, 1e-5, 1e-6, 1e-7])  # of e, ψ, κ, κ': differences instead of derivatives
-NUDGES = np.diag([*NUDGE, 0.0])[:WIDTH]
 
 
 def arcs(
@@ -153,14 +160,14 @@ def _refine_lanes(
 
     fits = _is_plausible(lanes, width_m)
     lanes = lanes[fits] if fits.any() else lanes[:1]
-    off = _off(x_m, y_m, lanes)
-    likeness = _alike(off, scale_m)
+    likeness = _alike(_off(x_m, y_m, lanes), scale_m)
     best = int(np.argmax(likeness @ weight))
-    lane, off, alike = lanes[best], off[best], likeness[best]
+    lane, alike = lanes[best], likeness[best]
     found, most = lane, float(alike @ weight) if fits.any() else 0.0
+    off, slope = _linearise(x_m, y_m, lane)
     for _ in range(STEPS):
-        lane = _step_lane(x_m, y_m, lane, off, weight * alike, width_m, bend_1pm)
-        off = _off(x_m, y_m, lane[None])[0]
+        lane = _step_lane(lane, off, slope, weight * alike, width_m, bend_1pm)
+        off, slope = _linearise(x_m, y_m, lane)
         alike = _alike(off, scale_m)
         if (votes := float(alike @ weight)) > most and _is_plausible(lane[None], width_m)[0]:
             found, most = lane, votes
@@ -180,14 +187,19 @@ def _alike(off_m: Array, scale_m: float) -> Array:
     return np.asarray(np.reciprocal(near, out=near))
 
 
-def _step_lane(
-    x_m: Array, y_m: Array, lane: Array, off: Array, weight: Array, width_m: float, bend_1pm: float
-) -> Array:
-    """The lane after a Gauss-Newton step towards the usual lane, ``width_m`` wide; ``off``: r of the points."""
-    slope = np.empty((5, len(x_m)))  # ∂r/∂p, by differences
-    np.subtract(_off(x_m, y_m, lane + NUDGES), off, out=slope[:WIDTH])
-    slope[:WIDTH] /= NUDGE[:, None]
+def _linearise(x_m: Array, y_m: Array, lane: Array) -> tuple[Array, Array]:
+    """r of the points (m,) for one lane, and ∂r/∂p (5, m)."""
+    slope = np.empty((5, len(x_m)))
+    _, across_m = lane_derivatives(x_m, y_m, lane, slope)
+    slope[:WIDTH] *= np.where(across_m < 0, -1.0, 1.0)
     slope[WIDTH] = -0.5
+    return np.abs(across_m) - lane[WIDTH] / 2, slope
+
+
+def _step_lane(
+    lane: Array, off: Array, slope: Array, weight: Array, width_m: float, bend_1pm: float
+) -> Array:
+    """The lane after a Gauss-Newton step towards the usual lane, ``width_m`` wide, by r and ∂r/∂p of the points."""
     prior = 1 / (PRIOR_SIGMA * [1.0, 1.0, bend_1pm, bend_1pm, 1.0]) ** 2
     weighted = slope * (weight / SPREAD_M**2)
     normal = weighted @ slope.T
