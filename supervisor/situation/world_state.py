@@ -145,10 +145,11 @@ class WorldStateObserver:
         )
         now = Moment(tuple(seen), fresh, ahead, motion, early, now_s)
         early = added_values(rules.names, now) | early  # Trepid's own inputs take precedence
-        voices, alone, trust = rules.trust(early), len(set(rated.values())) == len(rated), dict[str, float]()
+        voices, trust = rules.trust(early), dict[str, float]()
+        one_each = len(set(rated.values())) == len(rated)
         for e in seen:  # of several that are rated by one name, each by its own features
             if (name := rated[e.estimator]) in voices:
-                own = voices if alone else rules.trust(early | rating_features(name, [e], steadiness))
+                own = voices if one_each else rules.trust(early | rating_features(name, [e], steadiness))
                 trust[e.estimator] = own[name].trust
         fused = self._fusion.step(seen, moving, now_s=now_s, trust=trust)
         alone = len(seen) > 1 and len(fused.sources) == 1

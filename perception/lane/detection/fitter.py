@@ -24,9 +24,7 @@ from trepid.types import Array
 STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # times a state: the state without its bend
 EVIDENCE_REACH_M = 30.0  # rows beyond are too few to count as evidence
 WITHIN_M = 0.7  # from a boundary; nearer lines belong to it, as the second line of a kerb
-WITHIN_SIGMAS = (
-    3.0  # of a point that supports a lane: beside a lane that bends away, lines stay within the gate
-)
+WITHIN_SIGMAS = 3.0  # of a point that supports a lane; the gate would take lines that bend away from it
 TWO_DASHES_M = 6.0  # of 3 m each, or one and a gap
 MIN_DOUBLE = 0.2  # share of the points of a double line that lie between two stripes
 

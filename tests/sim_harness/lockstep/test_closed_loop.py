@@ -40,7 +40,7 @@ class WatchedCamera(SimulatedCamera):
     """Keeps the truth behind every frame for the estimators of this test."""
 
     def __init__(self, scenario, road):
-        super().__init__(scenario, GreyRenderer())
+        super().__init__(scenario, GreyRenderer(), wheelbase_m=2.5)
         self.road = road
         self.truths = {}
 
