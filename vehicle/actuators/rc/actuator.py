@@ -18,13 +18,12 @@ from trepid.config import CONFIG_DIR, InputError, load, place, read, texts
 from trepid.messages import Command, VehicleState
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.rc.chip import CHECK_EVERY, GuardedChip, open_within
-from vehicle.actuators.rc.pulses import Silence, SpeedIntegrator, Steering, Throttle, YawModel
+from vehicle.actuators.rc.pulses import REST_LAGS, Silence, SpeedIntegrator, Steering, Throttle, YawModel
 from vehicle.actuators.rc.serial_board import SerialBoard
 from vehicle.actuators.rc.settings import PcaSettings, RcSettings, SerialSettings, SpeedSource
 from vehicle.actuators.table import FILE, configured_actuator
 
 BRAKE_FROM_MPS2 = 1.5  # a harder brake than that of a neutral throttle
-REST_LAGS = 5.0  # e⁻⁵: a car that rolls at 3 m/s at the start has 2 cm/s left
 BRAKE_ABOVE_MPS = 0.2  # below it the brake pulse may start the reverse
 
 

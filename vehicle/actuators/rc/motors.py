@@ -25,12 +25,11 @@ from trepid.messages import Command, VehicleState
 from trepid.types import NonNegative, Positive, Share
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.rc.chip import GuardedChip, open_within
-from vehicle.actuators.rc.pulses import Silence, SpeedIntegrator, YawModel, interpolate
+from vehicle.actuators.rc.pulses import REST_LAGS, Silence, SpeedIntegrator, YawModel, interpolate
 from vehicle.actuators.rc.settings import ChipSettings
 from vehicle.actuators.table import FILE
 
 NAME = "motor_hat"
-REST_LAGS = 5.0  # braked wheels stand after so many time constants
 Channel = Annotated[int, Field(ge=0, le=15)]
 Speed = Annotated[float, Field(ge=0, le=40)]
 

@@ -142,6 +142,7 @@ def interpolate(points: Sequence[tuple[float, float]], x: float) -> float:
 
 
 LEAD_MPS = 0.5
+REST_LAGS = 5.0  # e⁻⁵: a car that rolls at 3 m/s at the start has 2 cm/s left
 LONGEST_S = 0.05  # a pause of this process counts as this long
 CREEP_MPS = 0.02  # a slower demand of a braking car is standstill
 
