@@ -11,12 +11,16 @@ once, and a candidate costs what the nearest point of the grid does, by logarith
 meet the same costs. Ranks are of the least cost of each search; intervals and tests as in
 :mod:`lab.bench.study.functions`, over the seeds of the searches.
 
+A difference counts only where it exceeds what chance does to one recipe. So some recipes, spread over the grid, are
+trained again with other first weights and another order of the frames: the deviation of a repeated training stands
+beside that of all recipes, and beside that of the best tenth, where a search ends.
+
 One line a training in ``runs/recipes_<seed>.jsonl``: an interrupted benchmark continues.
 """
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -54,6 +58,8 @@ NUMBERS: Mapping[str, int] = {RATE: 9, "batch": 5, "weight_decay": 4, "warm_up":
 EPOCHS, EVERY = 4, 8  # of a training; frame
 EVALUATIONS = (20, 60, 180)  # 20: those of `trepid train --search` by default
 SEARCHES = 30  # of each sampler
+REPEATED_EVERY = 20  # recipe of the grid in the order of its cost: trained again with another seed
+REPEAT_SEED = 1000  # beyond that of the grid
 
 
 class RecipeTraining(NamedTuple):
@@ -61,6 +67,7 @@ class RecipeTraining(NamedTuple):
 
     data_seed: int
     point: Point  # the values of NUMBERS
+    seed: int  # of the first weights and of the order of the frames
 
 
 class RecipeSearch(NamedTuple):
@@ -102,7 +109,7 @@ def train_one(frames: Passages, one: RecipeTraining) -> Row:
     words = {name: f"{value:g}" for name, value in values.items() if name != RATE}
     changes = {**stages(EPOCHS, values[RATE]), "average": "0", "augmentation.flip": "0.5", **words}
     try:
-        network, progress = train_passages(frames, MODEL, {**changes, "seed": str(one.data_seed)})
+        network, progress = train_passages(frames, MODEL, {**changes, "seed": str(one.seed)})
     except Divergence:
         return {"validation_deg": straight_deg(frames.validation), "mae_deg": straight_deg(frames.test)}
     error_deg = float(np.abs(errors_deg(network, frames.test)).mean())
@@ -134,24 +141,55 @@ def bench_recipes(seed: int) -> Row:
     need_torch("bench study recipes")
     ranges, frames = spans(), frames_of(seed)
     axes = {name: axis_of(ranges[name], count) for name, count in NUMBERS.items()}
-    trainings = {
-        " ".join(f"{value:g}" for value in point): RecipeTraining(seed, point)
-        for point in itertools.product(*axes.values())
-    }
-    code = fingerprint(
-        *import_closure([__name__, "learning.training.run", "learning.models.papers"]), "config"
-    )
-    codes = {name: short_hash(code, *map(str, one)) for name, one in trainings.items()}
-    path = WORK_DIR / "runs" / f"recipes_{seed}.jsonl"
-    rows = stored_rows(path, partial(train_one, frames), trainings, codes=codes, jobs=1)
-    trained = {one.point: row for one, row in zip(trainings.values(), rows, strict=True)}
+    points = list(itertools.product(*axes.values()))
+    trained = train_points(frames, seed, points, seed)
+    by_cost = sorted(points, key=lambda point: _cost(trained[point]))
+    again = train_points(frames, seed, by_cost[::REPEATED_EVERY], seed + REPEAT_SEED)
     return compare(search_grid(seed, ranges, axes, trained), trained) | {
+        "spread [deg]": spread_deg(trained, again),
+        "recipes trained again": len(again),
         "always straight [deg]": round(straight_deg(frames.test), 3),
         "frames": len(frames.train),
         "epochs": EPOCHS,
         "recipes trained": len(trained),
         "searches of each sampler": SEARCHES,
     }
+
+
+def train_points(frames: Passages, data_seed: int, points: Sequence[Point], seed: int) -> dict[Point, Row]:
+    """Point -> the errors of its training."""
+    trainings = {
+        " ".join([f"seed {seed}", *(f"{value:g}" for value in point)]): RecipeTraining(data_seed, point, seed)
+        for point in points
+    }
+    code = fingerprint(
+        *import_closure([__name__, "learning.training.run", "learning.models.papers"]), "config"
+    )
+    codes = {name: short_hash(code, *map(str, one)) for name, one in trainings.items()}
+    path = WORK_DIR / "runs" / f"recipes_{data_seed}.jsonl"
+    rows = stored_rows(path, partial(train_one, frames), trainings, codes=codes, jobs=1)
+    return {one.point: row for one, row in zip(trainings.values(), rows, strict=True)}
+
+
+def spread_deg(trained: Mapping[Point, Row], again: Mapping[Point, Row]) -> Row:
+    """Standard deviations of the errors: of all recipes, of the best tenth, and of one recipe trained twice.
+
+    That of a recipe is √(Σd²/2n) of the differences d of n pairs (Dahlberg (1940)), of all pairs and of those in
+    the better half.
+    """
+    every = sorted(map(_cost, trained.values()))
+    pairs = sorted((_cost(trained[point]), _cost(row)) for point, row in again.items())
+
+    def of_pairs(some: Sequence[tuple[float, float]]) -> float:
+        return float(np.sqrt(np.mean([(a - b) ** 2 for a, b in some]) / 2))
+
+    found = {
+        "all recipes": float(np.std(every)),
+        "best tenth of the recipes": float(np.std(every[: len(every) // 10])),
+        "a recipe trained twice": of_pairs(pairs),
+        "a recipe of the better half trained twice": of_pairs(pairs[: len(pairs) // 2]),
+    }
+    return {name: round(value, 3) for name, value in found.items()}
 
 
 def search_grid(

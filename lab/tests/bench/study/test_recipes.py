@@ -17,6 +17,7 @@ from lab.bench.study.recipes import (
     nearest,
     points_tried,
     spans,
+    spread_deg,
 )
 from sim_harness.tuning.settings import Span
 from sim_harness.tuning.study import SAMPLERS
@@ -80,12 +81,26 @@ def test_a_sampler_that_finds_the_best_recipe_first_has_rank_one(monkeypatch):
     assert found["least validation error of all recipes [deg]"] == 1.0
 
 
+def test_the_spread_of_a_recipe_is_that_of_which_its_two_trainings_are_drawn():
+    rng = np.random.default_rng(1)
+    errors = rng.normal(5.0, 2.0, 4000)
+    trained = {(float(i),): {"validation_deg": error} for i, error in enumerate(errors)}
+    again = {
+        point: {"validation_deg": row["validation_deg"] + noise}
+        for (point, row), noise in zip(trained.items(), rng.normal(0.0, 0.3 * 2**0.5, 4000), strict=True)
+    }
+    found = spread_deg(trained, again)
+    assert found["all recipes"] == pytest.approx(2.0, rel=0.05)
+    assert found["a recipe trained twice"] == pytest.approx(0.3, rel=0.05)
+    assert found["best tenth of the recipes"] < 1.0
+
+
 def test_every_recipe_is_trained_once_and_a_second_run_trains_none(tmp_path, monkeypatch):
     asked: list[recipes.RecipeTraining] = []
 
     def note(frames: object, one: recipes.RecipeTraining) -> dict[str, float]:
         asked.append(one)
-        return {"validation_deg": 1.0 + one.point[3], "mae_deg": 1.0}
+        return {"validation_deg": 1.0 + one.point[3] + 0.1 * (one.seed != 7), "mae_deg": 1.0}
 
     class NoFrames:
         train = test = ()
@@ -98,5 +113,8 @@ def test_every_recipe_is_trained_once_and_a_second_run_trains_none(tmp_path, mon
     monkeypatch.setattr(recipes, "SEARCHES", 4)
     monkeypatch.setattr(recipes, "rank_samplers", lambda ranks, units: {name: {} for name in SAMPLERS})
     before, count = bench_recipes(7), len(asked)
-    assert count == len(set(asked)) == before["recipes trained"] == 9 * 5 * 4 * 3
+    again = before["recipes trained again"]
+    assert before["recipes trained"] == 9 * 5 * 4 * 3 and again == before["recipes trained"] // 20
+    assert count == len(set(asked)) == before["recipes trained"] + again
+    assert before["spread [deg]"]["a recipe trained twice"] == pytest.approx(0.1 / 2**0.5, abs=1e-3)
     assert bench_recipes(7) == before and len(asked) == count
