@@ -46,7 +46,7 @@ CLOSURES = {
         "import perception.node\nfrom perception.estimators import build\nassert build('cv')",
         {"perception"},
         49,
-        4_800,
+        4_810,
     ),
     "cv, which judges the image": Closure(
         "import perception.node\n"
@@ -55,25 +55,25 @@ CLOSURES = {
         "assert build('cv') and build_judge()",
         {"perception"},
         65,
-        6_125,
+        6_130,
     ),
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
         {"perception"},
         42,
-        4_230,
+        4_235,
     ),
     "segments": Closure(
         "import perception.node, perception.segments.estimator",
         {"perception"},
         56,
-        5_205,
+        5_215,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
         {"perception"},
         54,
-        5_575,
+        5_580,
     ),
     "supervisor": Closure(
         "import supervisor.node\n"
@@ -82,7 +82,7 @@ CLOSURES = {
         "assert build(rules=default_file('fear.yaml'))",
         {"supervisor"},
         60,
-        6_920,
+        6_935,
     ),
     "controller": Closure(
         "import controller.node\nfrom controller.controller import build\nassert build()",
@@ -96,7 +96,7 @@ CLOSURES = {
         "assert build()",
         {"vehicle", "controller"},  # the limiter
         49,
-        4_850,
+        4_865,
     ),
     "recorder": Closure("import trepid.recording.node", set(), 29, 3_420),
     "driver input": Closure(

@@ -24,7 +24,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
-from ruamel.yaml.scanner import Scanner
+from ruamel.yaml.scanner import RoundTripScanner, Scanner
 
 from trepid.files.decoding import UndecodableText, decode_text
 from trepid.loudness import detail, warn
@@ -308,7 +308,7 @@ def read_text(path: Path, *, windows: bool = False, broken_bytes: bool = False) 
 
 
 _YAML_IN_WORDS = {
-    "'\\t'": "a tab; indent by spaces",
+    "'\\t'": "a tab; write spaces",
     "expected <block end>": "wrong indentation; entries of one list or block begin in the same column",
     "expected '<document start>'": "wrong indentation; entries of one list or block begin in the same column",
     "expected escape sequence": "a backslash in double quotes, as in paths of Windows: write '...' or C:/...",
@@ -316,6 +316,7 @@ _YAML_IN_WORDS = {
     "mapping values are not allowed": "wrong indentation, or a text with a colon that needs quotes",
 }
 """Part of a message of the YAML reader -> what to mend."""
+_TABS, _SIGNS = re.compile(r"(\t[ \t]*)([#\r\n\0])?"), (":", "-", ",", "?")
 
 
 def _mapping(text: str, path: Path, *, may_be_empty: bool = False) -> CommentedMap:
@@ -323,7 +324,7 @@ def _mapping(text: str, path: Path, *, may_be_empty: bool = False) -> CommentedM
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ReusedAnchorWarning)  # YAML takes the last one
             yaml = YAML(typ="rt")
-            yaml.Scanner = Scanner  # without comments, which take as long to gather as all else
+            yaml.Scanner = _PlainScanner
             yaml.Constructor = _PlainConstructor
             data = yaml.load(text)
     except MarkedYAMLError as error:
@@ -341,6 +342,33 @@ def _mapping(text: str, path: Path, *, may_be_empty: bool = False) -> CommentedM
     if not isinstance(data, CommentedMap):
         raise InputError(f"{path}:1:1: expected a mapping of names to values")
     return data
+
+
+class _PlainScanner(Scanner):
+    """Passes over tabs between a sign and its value, and at the end of a line, as YAML allows.
+
+    ruamel refuses them in blocks (YAML 1.2.2, section 6.2). Comments are not gathered, which takes as long as all
+    else.
+    """
+
+    def scan_to_next_token(self) -> Any:
+        comment, reader = super().scan_to_next_token(), self.reader
+        tabs = None if comment else _TABS.match(reader.buffer, reader.pointer)
+        if tabs and (tabs[2] or reader.buffer[: reader.pointer].rstrip(" ").endswith(_SIGNS)):
+            reader.forward(len(tabs[1]))
+            return self.scan_to_next_token()
+        return comment
+
+
+class _EditingScanner(_PlainScanner, RoundTripScanner):
+    """The same with comments."""
+
+
+def editing_yaml() -> YAML:
+    """A reader and writer of YAML that keeps comments, and reads what the settings read."""
+    yaml = YAML(typ="rt")
+    yaml.Scanner = _EditingScanner
+    return yaml
 
 
 class _PlainConstructor(RoundTripConstructor):

@@ -6,11 +6,10 @@ from io import StringIO
 from pathlib import Path
 from typing import Any, cast
 
-from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import YAMLError
 
-from trepid.config import InputError, put, read, read_text
+from trepid.config import InputError, editing_yaml, put, read, read_text
 from trepid.files.whole import write_whole
 from vehicle.actuators.rc.settings import RcSettings
 from vehicle.actuators.table import FILE, configured_actuator, settings_in
@@ -53,7 +52,7 @@ def write(car: Path, board: str, changes: Mapping[str, Any]) -> Path:
     """
     settings_of(board, changes)
     path = car / FILE.name
-    yaml = YAML(typ="rt")
+    yaml = editing_yaml()
     yaml.preserve_quotes = True
     yaml.width = 120
     text = read_text(path) if path.exists() else HEADER

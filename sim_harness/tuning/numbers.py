@@ -13,10 +13,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from trepid.config import InputError, read_text
+from trepid.config import InputError, editing_yaml, read_text
 
 _WEIGHT = re.compile(r"\bwith\s+weight\s+([0-9.eE+-]+)")
 _BEFORE_WEIGHT = re.compile(r"(\s+because\s+\w+\s*)?$")
@@ -38,7 +37,7 @@ class NumberedText:
         self.path = path
         try:
             self.text = read_text(path)
-            self._root = YAML(typ="rt").compose(self.text)
+            self._root = editing_yaml().compose(self.text)
         except YAMLError as error:
             raise InputError(f"{path}: not valid YAML: {str(error).splitlines()[0]}") from error
 

@@ -16,7 +16,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML
 
 from sim_harness.judging.fear_scores import fear_auroc
 from sim_harness.judging.trace import Trace
@@ -28,7 +27,7 @@ from sim_harness.sweep.pool import imap
 from sim_harness.sweep.sweep import in_this_process
 from sim_harness.tuning.settings import Costs
 from supervisor.rules.inference import FearRules
-from trepid.config import read_text
+from trepid.config import editing_yaml, read_text
 from trepid.messages import Decision, Mode
 
 
@@ -74,7 +73,7 @@ class Score:
 
 def fearless(rules: Path, folder: Path) -> Path:
     """A copy of a rule file whose fear changes nothing, for reference drives."""
-    yaml = YAML(typ="rt")
+    yaml = editing_yaml()
     data = yaml.load(read_text(rules))
     for action in data["fear"].values():
         action["speed_factor"], action["mode"] = 1.0, Mode.KEEP.value

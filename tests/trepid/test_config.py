@@ -1,5 +1,6 @@
 """Settings: valid files load exactly; errors give place and fault in one line."""
 
+from io import StringIO
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -8,7 +9,7 @@ from pydantic import Field
 
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, Settings, load
+from trepid.config import CONFIG_DIR, InputError, Settings, editing_yaml, load
 
 
 class Inner(Settings):
@@ -65,6 +66,32 @@ def test_a_bad_file_is_named_with_line_and_column(tmp_path: Path, text: str, exp
         load(write(tmp_path, text), Outer)
     assert expected in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name:\ta\ninner:\n  gain:\t 1\n  points:\n    -\t1\n    - \t2\n",
+        "name: a\t\ninner:\t# spread\n\t\n  gain: 1\t# \n  points: [1,\t2\t]\n",
+    ],
+)
+def test_tabs_between_a_name_and_its_value_and_at_the_end_of_a_line_mean_nothing(
+    tmp_path: Path, text: str
+) -> None:
+    path, out = write(tmp_path, text), StringIO()
+    expected = Outer(name="a", inner=Inner(gain=1.0, points=(1.0, 2.0)))
+    assert load(path, Outer) == expected
+    yaml = editing_yaml()
+    yaml.dump(yaml.load(text), out)
+    assert load(write(tmp_path, out.getvalue()), Outer) == expected and out.getvalue().count(
+        "#"
+    ) == text.count("#")
+
+
+@pytest.mark.parametrize(("text", "column"), [("inner:\n\tgain: 1\n", 1), ("inner:\n \tgain: 1\n", 2)])
+def test_a_tab_that_indents_is_refused_with_its_place(tmp_path: Path, text: str, column: int) -> None:
+    with pytest.raises(InputError, match=rf"settings\.yaml:2:{column}: not valid YAML: a tab; write spaces"):
+        load(write(tmp_path, text), Outer)
 
 
 def test_a_bad_override_is_blamed_on_the_command_line(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ BAD = {
         GOOD + 'start: "C:\\Users\\a"\n',
         ":5:13: not valid YAML: a backslash in double quotes",
     ),
-    "tab": (GOOD + "start:\n\toffset_m: 1\n", ":6:1: not valid YAML: a tab; indent by spaces"),
+    "tab": (GOOD + "start:\n\toffset_m: 1\n", ":6:1: not valid YAML: a tab; write spaces"),
     "unclosed brace": (GOOD + "start: {offset_m: 1\n", ":6:1: not valid YAML: "),
     "unclosed quote": (GOOD + 'name: "abc\n', ":6:1: not valid YAML: "),
     "duplicate key": (GOOD + "road: curve\n", ":5:1: not valid YAML: .*duplicate key"),

@@ -105,7 +105,7 @@ BAD: dict[str, tuple[str | bytes | None, str]] = {
     "a gap is named": (with_part("low: [0.11, 0.14", "low: [0.15, 0.16"), r"no set covers 0\.14 to 0\.15"),
     "too little indentation": (with_part("    unit: s", "   unit: s"), r":\d+:\d+: .*wrong indentation"),
     "too much indentation": (with_part("    unit: s", "      unit: s"), r":\d+:\d+: .*wrong indentation"),
-    "a tab is named": (with_part("    unit: s", "\tunit: s"), "a tab; indent by spaces"),
+    "a tab is named": (with_part("    unit: s", "\tunit: s"), "a tab; write spaces"),
     # Sentences.
     "fear as an input": (with_rule("if fear is high then fear is very_high"), "'fear'; it is an output"),
     "empty sentence": (with_rule('""'), "the rule ends too early: expected 'if'"),
