@@ -47,7 +47,7 @@ _ATTRIBUTE = re.compile(
 )
 _ENUM_TEXT = re.compile(r'(\A\s*BA_\s+"(\w+)"\s+(?:BO_\s+\d+|SG_\s+\d+\s+\w+)?\s*)"([^"]*)"')
 _TYPE = re.compile(r"(\A\s*SIG_VALTYPE_\s+\d+\s+\w+\s+)(?=\d)")  # without the colon of CANdb++
-_WHOLE = re.compile(r'"[^"]*"|(-?\d+)\.0*(?=\s)')  # 255.0 for a raw value
+_WHOLE = re.compile(r'"[^"]*"|(-?\d+)\.0*(?=\s)|(0[xX][0-9a-fA-F]+)(?=\s)')  # raw values 255.0 and 0xFF
 _LONG = re.compile(
     r'\s*BA_\s+"System(?:Message|Signal)LongSymbol"\s+(?:BO_|SG_)\s+(?P<id>\d+)\s+(?P<rest>.*)', re.DOTALL
 )
@@ -124,7 +124,7 @@ class Dbc:
             elif found := _RANGES.match(text):
                 self._ranges[int(found["id"]), found["name"]] = found["ranges"].strip()
             elif found := _TABLE.match(text):
-                self._tables[found["name"]] = found["values"]
+                self._tables[found["name"]] = _plain_values(found["values"])
             elif (found := _LONG.match(text)) and (named := _LONG_NAME.match(found["rest"])):
                 if named["short"]:
                     self._long_signals[int(found["id"]), named["short"]] = named["long"]
@@ -255,7 +255,7 @@ class Dbc:
                 parts.append(_plain(text))
             elif not _is_about(text, message.identifier, names):
                 parts.append(_blank(text))
-            elif found := _VALUES.match(_WHOLE.sub(lambda part: part[1] or part[0], text)):
+            elif found := _VALUES.match(_plain_values(text)):
                 table = self._tables.get(found["values"].strip())
                 named = found["values"] if table is None else f" {table}"
                 if (first := values.setdefault(found["name"], len(parts))) == len(parts):
@@ -321,6 +321,11 @@ def _plain(text: str) -> str:
     """A ``BO_`` or ``SG_`` that is in every frame, without the nodes, which some files leave out or misspell."""
     found = _NODES.match(_MULTIPLEX.sub(r"\1", text))
     return f"{found[1]} {_NO_NODE}{_blank(found[2])}" if found else text
+
+
+def _plain_values(text: str) -> str:
+    """Named values with their raw values as cantools reads them: whole, and decimal."""
+    return _WHOLE.sub(lambda part: part[1] or (str(int(part[2], 16)) if part[2] else part[0]), text)
 
 
 def _blank(text: str) -> str:

@@ -168,6 +168,10 @@ def test_the_name_of_a_frame_format_means_its_number(tmp_path):
 
 VALUES_OF_S = {
     "with decimal points": 'VAL_ 36 S 65535.0 "SNA" 65534. "Error" 0.00 "standstill";\n',
+    "with hexadecimal values": 'VAL_ 36 S 0xFFFF "SNA" 0Xfffe "Error" 0x0 "standstill";\n',
+    "of a table with hexadecimal and decimal points": (
+        'VAL_TABLE_ Vt 0xFFFF "SNA" 65534.0 "Error" 0 "standstill";\nVAL_ 36 S Vt;\n'
+    ),
     "in one statement": 'VAL_ 36 S 65535 "SNA" 65534 "Error" 0 "standstill";\n',
     "in two statements": 'VAL_ 36 S 65535 "SNA" 65534 "Error";\nVAL_ 36 S 0 "standstill";\n',
     "in two statements over three lines": 'VAL_ 36 S 65535 "SNA"\n  65534 "Error" ;\nVAL_ 36 S 0 "standstill" ;\n',
