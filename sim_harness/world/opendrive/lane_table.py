@@ -131,15 +131,22 @@ class LaneSection:
         return any(lane.all("border") and not lane.all("width") for lane in self.lanes.values())
 
     def _widths_or_borders(self, lane_id: int) -> tuple[list[CubicRecord], bool]:
-        """The records of a lane, and whether they are of its border; of both, the widths count (chapter 9.5.2)."""
-        if lane_id not in self._cubics:
-            lane, origin_m = self.lanes[lane_id], self.origins_m[lane_id]
-            widths, borders = lane.all("width"), lane.all("border")
-            found = records(widths or borders, "sOffset", origin_m)
-            if not found or found[0].start_m > origin_m + ROUNDING_M:
-                raise lane.error("expected a <width> or a <border> from its start on")
-            self._cubics[lane_id] = found, not widths
+        """The records of a lane, and whether they are of its border; of both, the widths count (chapter 9.5.2).
+
+        Raises InputError where none holds from the start of the lane on.
+        """
+        if not self.has_width(lane_id):
+            raise self.lanes[lane_id].error("expected a <width> or a <border> from its start on")
         return self._cubics[lane_id]
+
+    def has_width(self, lane_id: int) -> bool:
+        """Whether the file gives a lane a width, or a border, from its start on."""
+        origin_m = self.origins_m[lane_id]
+        if lane_id not in self._cubics:
+            widths, borders = self.lanes[lane_id].all("width"), self.lanes[lane_id].all("border")
+            self._cubics[lane_id] = records(widths or borders, "sOffset", origin_m), not widths
+        found, _ = self._cubics[lane_id]
+        return bool(found) and found[0].start_m <= origin_m + ROUNDING_M
 
     def width_at(self, lane_id: int, s: float, near: float) -> float:
         """Width [m] at ``s`` by the record that holds at ``near``; 0 where it is negative."""
@@ -171,12 +178,18 @@ class LaneSection:
         return sign * (sum(widths_m[:-1]) + widths_m[-1] / 2)
 
     def outwards(self, lane_id: int, sign: int) -> Iterator[int]:
-        """Ids of the lanes beyond ``lane_id`` to the left (``sign`` 1) or right (-1)."""
+        """Ids of the lanes beyond ``lane_id`` to the left (``sign`` 1) or right (-1), up to one without a width."""
         for place in count(lane_id + sign, sign):
-            if place and place not in self.lanes:
+            if place and (place not in self.lanes or not self.has_width(place)):
                 return
             if place:
                 yield place
+
+    def without_width(self, lane_id: int) -> list[int]:
+        """The lanes beyond ``lane_id`` on either side at which :meth:`outwards` ends for want of a width."""
+        ends = (max([lane_id * sign, *(n * sign for n in self.outwards(lane_id, sign))]) for sign in (1, -1))
+        beyond = (sign * (end + 1 or 1) for sign, end in zip((1, -1), ends, strict=True))
+        return [n for n in beyond if n in self.lanes and not self.has_width(n)]
 
     def line(self, lane_id: int, side: int, near: float) -> Marking:
         """The marking on the left (``side`` 1) or right (-1) edge of a lane at ``near``; of a pair, left first."""

@@ -5,8 +5,9 @@ reference line of the file, the geometry is copied; elsewhere, and along polynom
 0.1 mm (clothoid_fit). Pieces below 2 cm, from rounding or from an editor, belong to their neighbours, and
 differences below a millimetre are none. Lanes follow their <link>. Where a lane ends, or is narrower than a lane,
 the road ends. Lane widths are linear along a section of Trepid: cubic ones are cut into stretches that are
-linear within 1 cm. Elevation and superelevation become the height and the bank of the lane (heights). Objects and
-signals are left out and listed in the notes; junctions are ignored.
+linear within 1 cm. Beside the kept lane, one without a width ends the carriageway. Elevation and superelevation
+become the height and the bank of the lane (heights). Objects and signals are left out and listed in the notes;
+junctions are ignored.
 
 ASAM OpenDRIVE 1.7.0; the elements that are read are the same in versions 1.4 to 1.8.
 """
@@ -373,6 +374,10 @@ class _LaneReader:
             notes.append(f"length={stated_m:g}: its geometries are {self._length_m:g} m long")
         if kinks:
             notes.append(f"the grade or the bank jumps at {kinks} places: rounded off over 1 m")
+        for section, lane in zip(self._lane.sections, self._lane.ids, strict=True):
+            for other in section.without_width(lane):
+                what = f"lane {other} has no width from s = {section.start_m:g} m on"
+                notes.append(f"{what}: it and what lies beyond are left out")
         for kind in ("object", "signal"):
             if found := self._road.all(f"{kind}s/{kind}"):
                 notes.append(f"left out: {len(found)} {kind}s")

@@ -467,6 +467,31 @@ def test_a_lane_beyond_a_strip_of_grass_may_be_narrower_than_nothing(tmp_path):
         read_opendrive(straight(tmp_path, lane(-1), lane(1, kind="median") + broken))
 
 
+@pytest.mark.parametrize("kind", ["shoulder", "driving"])
+@pytest.mark.parametrize("width", ["", '<width sOffset="20" a="2" b="0" c="0" d="0"/>'])
+def test_beside_the_kept_lane_one_without_a_width_ends_the_carriageway_and_a_note_says_so(
+    tmp_path, kind, width
+):
+    known = lane(-1) + lane(-2, kind="shoulder", width=flat(1.5))
+    unknown = lane(-3, kind=kind, width=width)
+    found = read_opendrive(straight(tmp_path, known + unknown + lane(-4, kind="shoulder"), lane(1)))
+    assert found.settings == read_opendrive(straight(tmp_path, known, lane(1))).settings
+    assert found.settings.sections[0].paved_right_m == 1.5
+    assert found.notes == ("lane -3 has no width from s = 0 m on: it and what lies beyond are left out",)
+    across = read_opendrive(straight(tmp_path, known, lane(1, kind=kind, width=width) + lane(2)))
+    assert not across.settings.sections[0].left_lanes and "lane 1 has no width" in across.notes[0]
+
+
+@pytest.mark.parametrize("number", [-1, -2])
+def test_a_lane_without_a_width_is_refused_where_the_place_of_the_kept_one_rests_on_it(tmp_path, number):
+    lanes = [lane(n, width="" if n == number else WIDTH) for n in (-1, -2)]
+    path = straight(tmp_path, "".join(lanes))
+    with pytest.raises(
+        InputError, match=rf"\.xodr:\d+:\d+: <lane> of road 1, lane {number}, .*expected a <width>"
+    ):
+        read_opendrive(path, lane=-2)
+
+
 STRAIGHT = road("1", shapes((100.0, LINE)), ONE)
 ODD_TEXTS = {
     "an element of another tool in a geometry": lambda text: text.replace(
