@@ -15,6 +15,7 @@ VIDEO_SUFFIXES = frozenset(
     {
         *(".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".3gp", ".flv", ".wmv"),
         *(".ts", ".mts", ".m2ts", ".mpg", ".mpeg"),  # MPEG streams, as dash cameras and camcorders write
+        ".gif",  # animated; a single picture is a film of one frame
     }
 )
 NOMINAL_FPS = 25.0  # for videos without a frame rate

@@ -217,6 +217,18 @@ def test_a_video_that_is_cut_short_gives_its_frames_before_it_is_refused(tmp_pat
     assert len(found) >= 4
 
 
+def test_an_animated_gif_is_a_video_with_the_times_of_its_frames(tmp_path):
+    animation = cv2.Animation()
+    greys, durations_ms = [10, 60, 110, 160, 210], [40, 40, 200, 200, 40]
+    animation.frames = [np.full((48, 64, 3), grey, np.uint8) for grey in greys]
+    animation.durations = np.array(durations_ms)
+    cv2.imwriteanimation(str(tmp_path / "a.gif"), animation)
+    (source,) = sources(tmp_path / "a.gif")
+    shots = list(source.shots())
+    assert [round(1e3 * shot.t_s) for shot in shots] == [0, 40, 80, 280, 480]
+    assert np.allclose([shot.image.mean() for shot in shots], greys, atol=4)
+
+
 @pytest.mark.parametrize(
     ("name", "code"), [("a.ts", "mp4v"), ("a.MTS", "mp4v"), ("a.flv", "FLV1"), ("a.wmv", "WMV2")]
 )
