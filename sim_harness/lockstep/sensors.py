@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim_harness.scenarios.measurements import Sensors
+from sim_harness.scenarios.faults import Sensors
 from trepid.car.vehicle import Vehicle
 from trepid.config import Settings
 from trepid.messages import QUANTITIES, Command, VehicleState

@@ -24,7 +24,7 @@ from lab.bench.measured.wires import WIRES, after_epoch
 from sim_harness.lockstep.closed_loop import ClosedLoop, Instant, build_parts
 from sim_harness.lockstep.sensors import NoiseSettings
 from sim_harness.lockstep.vehicle import load_simulator
-from sim_harness.scenarios.measurements import FIELDS, Sensors, WrongMeasurement
+from sim_harness.scenarios.faults import FIELDS, Sensors, WrongMeasurement
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.sweep.store import Row, stored_rows
 from trepid.causes import Cause

@@ -11,8 +11,9 @@ from sim_harness.scenarios.faults import (
     LateFrames,
     LostLane,
     LostProcess,
+    Quantity,
+    WrongMeasurement,
 )
-from sim_harness.scenarios.measurements import Quantity, WrongMeasurement
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from trepid.causes import Cause
 

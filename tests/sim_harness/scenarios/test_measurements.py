@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from sim_harness.scenarios.measurements import Sensors, WrongMeasurement
+from sim_harness.scenarios.faults import Sensors, WrongMeasurement
 from trepid.messages import VehicleState
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from lab.bench.measured.bench import Errors, MeasuredDrive, driven_row, is_observable, summary
 from sim_harness.lockstep.vehicle import load_simulator
-from sim_harness.scenarios.measurements import WrongMeasurement
+from sim_harness.scenarios.faults import WrongMeasurement
 from trepid.messages import VehicleState
 
 NOISE = load_simulator()
