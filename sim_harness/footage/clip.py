@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from cockpit.footage.sources import sources
-from sim_harness.footage.visual_yaw import yaw_changes_rad
+from sim_harness.footage.visual_motion import yaw_changes_rad
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
@@ -57,7 +57,7 @@ class ClipFrames:
 
     @cached_property
     def yaw_rates_radps(self) -> Array:
-        """Yaw rate of the recorded car at each frame, + = to the left, given or from the images (visual_yaw).
+        """Yaw rate of the recorded car at each frame, + = to the left, given or from the images (visual_motion).
 
         Raises InputError when too few corners can be tracked.
         """

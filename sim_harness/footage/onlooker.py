@@ -3,7 +3,7 @@
 The footage passes as it was recorded, so the results say how the stack rates it, not where it would drive. The
 supervisor begins in STOP; as in a car that drives already, a driver drives for the first :data:`RUN_UP_S` and then
 lets go. A recording of Trepid brings its own vehicle states. Elsewhere the speed is given, and the yaw rate is
-given or measured in the images (:mod:`sim_harness.footage.visual_yaw`), where the angle of the wheels is
+given or measured in the images (:mod:`sim_harness.footage.visual_motion`), where the angle of the wheels is
 atan(L·r/v). A yaw rate that cannot be measured is None, which raises fear.
 """
 
@@ -25,7 +25,7 @@ from perception.lead.finder import LeadFinder
 from perception.sight.judge import build as build_judge
 from sim_harness.footage.clip import undistort
 from sim_harness.footage.resimulation import LATENCY_S, RUN_UP_S
-from sim_harness.footage.visual_yaw import yaw_changes_rad
+from sim_harness.footage.visual_motion import yaw_changes_rad
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.messages import Decision, Frame, ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState

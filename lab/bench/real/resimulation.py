@@ -4,7 +4,7 @@ Stretches of every drive of the sets are re-projected to the car (:mod:`sim_harn
 recorded steering gives the path: the yaw rate is speed times steering times a gain, fitted to the yaw rate in the
 images over all stretches, because the lock of those cars is not known. A clip without steering has the path of the
 yaw rate in its images. The speed is that of the log or of the sequence, else that of the ground in the images, in
-the metres of the assumed camera (:mod:`sim_harness.footage.visual_speed`).
+the metres of the assumed camera (:mod:`sim_harness.footage.visual_motion`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,8 +22,7 @@ from lab.bench.real.supervision import cause_shares
 from sim_harness.footage.clip import ClipFrames
 from sim_harness.footage.reprojection import PoseChange
 from sim_harness.footage.resimulation import Resimulation, resimulate
-from sim_harness.footage.visual_speed import speed_mps
-from sim_harness.footage.visual_yaw import yaw_changes_rad
+from sim_harness.footage.visual_motion import speed_mps, yaw_changes_rad
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.loudness import note

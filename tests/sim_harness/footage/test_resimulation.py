@@ -18,7 +18,7 @@ from sim_harness.footage.cli import _one_line, assumed_camera
 from sim_harness.footage.clip import ClipFrames, load_drive, read_log, recorded_speeds
 from sim_harness.footage.reprojection import PoseChange, Reprojection
 from sim_harness.footage.resimulation import Resimulation, resimulate
-from sim_harness.footage.visual_yaw import yaw_changes_rad
+from sim_harness.footage.visual_motion import yaw_changes_rad
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road

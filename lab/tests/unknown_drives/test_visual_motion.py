@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lab.bench.perception.unknown_camera import unknown_drive
-from sim_harness.footage.visual_speed import speed_mps
+from sim_harness.footage.visual_motion import speed_mps
 
 pytestmark = pytest.mark.long
 

@@ -1,7 +1,7 @@
-"""Yaw rate of a car from its images, without the depth of the scene.
+"""Motion of a car from its images: yaw rate without the depth of the scene, speed by the ground ahead.
 
-In coordinates x = (u - c_x)/f_x, y = (v - c_y)/f_y a point moves between two frames away from the focus of
-expansion (x₀, y₀) by its distance from it over its depth; and all points move by Δψ·p(x, y) + Δθ·q(x, y) as the
+Yaw rate: in coordinates x = (u - c_x)/f_x, y = (v - c_y)/f_y a point moves between two frames away from the focus
+of expansion (x₀, y₀) by its distance from it over its depth; and all points move by Δψ·p(x, y) + Δθ·q(x, y) as the
 camera turns about the vertical and about its right-hand axis. Without the unknown depth
 
     (Δx - Δψ·p_x - Δθ·q_x)·(y - y₀) = (Δy - Δψ·p_y - Δθ·q_y)·(x - x₀)
@@ -10,6 +10,10 @@ which is linear in the two rotations. (x₀, y₀) follows from the camera file;
 Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, Proc. R. Soc. B 208 (1980). Corners by
 Shi and Tomasi, tracked by the method of Lucas and Kanade; robust weights suppress outliers (shadows, other cars,
 insects).
+
+Speed: relative to the horizon row a point of the ground at the distance x lies at v = f·h/x, so that the way
+between two frames is Δ = f·h·(1/v − 1/v′) (:mod:`perception.camera.ground_flow`). It has the scale of the camera's
+height h: with an assumed camera these are the metres of its world.
 """
 
 import math
@@ -20,6 +24,8 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
+from perception.camera.grey import grey
+from perception.camera.ground_flow import GroundInImage, track_corners
 from trepid.car.camera import Camera
 from trepid.types import Array, Image
 
@@ -32,6 +38,9 @@ ROUNDS = 5
 BEND_ROUNDS = 3
 NEAR = 2e-3  # scale of the Cauchy weight: a third of a pixel of a small image
 LEAST_STEP_M = 0.1  # below, the distance between frames is noise
+SPEEDS_HPS = np.geomspace(0.5, 30.0, 24)  # [heights of the camera per second] that are tried
+LOOKS = 24  # pairs of frames, spread over the drive
+NEAR_SHARE = 0.2  # share of the tried way by which a corner may differ
 
 
 def yaw_changes_rad(frames: Sequence[Image], camera: Camera, step_m: Array) -> Array:
@@ -69,14 +78,14 @@ class _Track:
 
 
 def _track(before: Image, after: Image, camera: Camera) -> _Track:
-    grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (before, after)]
-    mask = np.full(grey[0].shape, 255, np.uint8)
+    both = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (before, after)]
+    mask = np.full(both[0].shape, 255, np.uint8)
     mask[int(BONNET_SHARE * len(mask)) :] = 0
-    found = cv2.goodFeaturesToTrack(grey[0], CORNERS, QUALITY, APART_PX, mask=mask)
+    found = cv2.goodFeaturesToTrack(both[0], CORNERS, QUALITY, APART_PX, mask=mask)
     if found is None:
         return _Track(*np.empty((4, 0, 2)))
-    there, good, _ = cv2.calcOpticalFlowPyrLK(grey[0], grey[1], found, found.copy())
-    back, good_back, _ = cv2.calcOpticalFlowPyrLK(grey[1], grey[0], there, there.copy())
+    there, good, _ = cv2.calcOpticalFlowPyrLK(both[0], both[1], found, found.copy())
+    back, good_back, _ = cv2.calcOpticalFlowPyrLK(both[1], both[0], there, there.copy())
     kept = (np.asarray(good) & np.asarray(good_back)).ravel().astype(bool)
     kept &= np.abs(back - found).max(axis=(1, 2)) < LOST_PX
     focal_px = np.array([camera.fx_px, camera.fy_px])
@@ -108,3 +117,32 @@ def _turn(track: _Track, x0: float, y0: float) -> float:
         turn = np.linalg.lstsq(matrix * root[:, None], wanted * root, rcond=None)[0]
         off, yaw = wanted - matrix @ turn, float(turn[0])
     return yaw
+
+
+def speed_mps(frames: Sequence[Image], t_s: Array, camera: Camera) -> float | None:
+    """The speed [m/s] at which most corners of the ground move; None where none do.
+
+    The median of the corners that are tracked from that speed.
+    """
+    pairs = np.unique(np.linspace(0, len(frames) - 2, LOOKS).astype(int)).tolist()
+    found = [
+        _speeds_mps(frames, t_s, camera, pairs, share * camera.height_m) for share in SPEEDS_HPS.tolist()
+    ]
+    best = max(found, key=len)
+    return float(np.median(best)) if len(best) else None
+
+
+def _speeds_mps(
+    frames: Sequence[Image], t_s: Array, camera: Camera, pairs: Sequence[int], tried_mps: float
+) -> Array:
+    """Speeds of the corners that agree with the tried one."""
+    fh, speeds = camera.fx_px * camera.height_m, []
+    for first in pairs:
+        dt_s = float(t_s[first + 1] - t_s[first])
+        before, after = grey(frames[first]), grey(frames[first + 1])
+        moved = track_corners(
+            before, after, GroundInImage(camera, camera.fx_px, fh), tried_mps * dt_s, None, dt_s
+        )
+        speeds.append(fh * moved.nearer[moved.after_px[:, 1] > 0] / dt_s)
+    every = np.concatenate(speeds) if speeds else np.empty(0)
+    return every[np.abs(every / tried_mps - 1) < NEAR_SHARE]
