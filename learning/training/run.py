@@ -14,9 +14,8 @@ import torch
 
 from learning.dataset.dataset import Dataset
 from learning.judging.baselines import Baselines, no_variance
-from learning.models.catalogue import build, packaged_weights
+from learning.models.catalogue import build
 from learning.models.parts.network import SteeringNetwork, glorot, he
-from learning.models.parts.weights import load_trunk
 from learning.rendered import VERSIONS
 from learning.training.augmentation import Augmenter
 from learning.training.batches import Batches
@@ -29,7 +28,7 @@ from learning.training.labels import training_labels, weights
 from learning.training.loop import Progress, Trainer, predict
 from learning.training.pretrain import pretrain
 from learning.training.recipe import Recipe
-from learning.training.start import check_start, checkpoints_of, load_start, origin_of, work_folder
+from learning.training.start import check_start, checkpoints_of, load_first_weights, origin_of, work_folder
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
@@ -80,7 +79,7 @@ def train_network(
     prepare(network, recipe, train, lock_rad=data.wheel.lock_rad)
     for finding in no_variance(train.labels_rad, "train"):
         report(f"finding: {finding.sentence}")
-    trunk = first_weights(name, network, recipe, validation, start, report)
+    trunk = load_first_weights(name, network, recipe, validation, start, report)
     report(f"{name}: {network.parameters_count} weights, those of the trunk at first {trunk}")
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     trainer = Trainer(
@@ -160,27 +159,6 @@ def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad
         chosen = chosen[:, network.view.crop_px :]  # the view matches what it cuts out
         grey = np.concatenate([cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).ravel() for image in chosen])
         network.view.match(np.bincount(grey, minlength=256))
-
-
-def first_weights(
-    name: str,
-    network: SteeringNetwork,
-    recipe: Recipe,
-    validation: Frames,
-    start: Path | None,
-    report: Callable[[str], None],
-) -> str:
-    """Load all weights from the training of ``start``, or those of the trunk from the file of the recipe or of
-    their package; their origin.
-    """
-    if start is not None:
-        load_start(network, start, validation, report)
-        return origin_of(start)
-    path = recipe.weights or packaged_weights(name)
-    if path is None:
-        return "random"
-    load_trunk(network.trunk, path)
-    return f"{path.name}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()}"
 
 
 def batches_of(

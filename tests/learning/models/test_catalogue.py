@@ -19,7 +19,7 @@ from learning.models.parts.memory import LSTM, SimpleRNN  # noqa: E402
 from learning.models.parts.motion import Shift, Standardisation  # noqa: E402
 from learning.models.parts.network import ExportedNetwork, Size  # noqa: E402
 from learning.models.parts.view import InputView  # noqa: E402
-from learning.models.parts.weights import load_trunk  # noqa: E402
+from learning.training.start import load_trunk  # noqa: E402
 from trepid.config import InputError  # noqa: E402
 
 SMALL = {
