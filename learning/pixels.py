@@ -1,8 +1,11 @@
 """Changes of pixels that keep the label: other light, shadows, occlusion, noise; rain, snow and fog.
 
-All randomness comes from a given Generator.
+Trainings draw them at random; the tests of a network apply them one by one (:data:`SHIFTS`). All randomness comes
+from a given Generator.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Protocol
 
 import cv2
@@ -13,6 +16,7 @@ from trepid.types import Image
 UNIFORM_SIGMA = 73.9  # standard deviation of uniform bytes: √((256² − 1)/12)
 SKY = (200, 205, 210)  # BGR of fog and of falling snow
 RAIN = (190, 185, 180)
+SHIFT_BLUR, SHIFT_NOISE_GREY, SHIFT_RISE = 0.008, 15.0, 0.03  # of the width; [grey levels]; of the height
 
 
 class Light(Protocol):
@@ -131,3 +135,48 @@ def _lay_over(image: Image, alpha: Image, colour: tuple[int, int, int]) -> Image
 def as_pixels(image: cv2.typing.MatLike) -> Image:
     """``image`` with its type, which OpenCV does not declare."""
     return np.asarray(image, np.uint8)
+
+
+class ImageChange(Protocol):
+    """A change of an image."""
+
+    def __call__(self, image: Image, rng: np.random.Generator) -> Image:
+        """The changed image."""
+        ...
+
+
+def _lit(gain: float) -> ImageChange:
+    def lit(image: Image, rng: np.random.Generator) -> Image:
+        return as_pixels(cv2.convertScaleAbs(image, alpha=gain))
+
+    return lit
+
+
+def _blur(image: Image, rng: np.random.Generator) -> Image:
+    return as_pixels(cv2.GaussianBlur(image, (0, 0), SHIFT_BLUR * image.shape[1]))
+
+
+def _noisy(image: Image, rng: np.random.Generator) -> Image:
+    return add_noise(image, SHIFT_NOISE_GREY, rng)
+
+
+def _raise_camera(image: Image, rng: np.random.Generator) -> Image:
+    """The view of a camera that looks lower: everything is SHIFT_RISE of the height farther up."""
+    rows = round(SHIFT_RISE * image.shape[0])
+    return np.concatenate([image[rows:], np.repeat(image[-1:], rows, axis=0)])
+
+
+SHIFTS: Mapping[str, ImageChange] = MappingProxyType(
+    {
+        "half the light": _lit(0.5),
+        "twice the light": _lit(2.0),
+        "shadows": shade,
+        "blur": _blur,
+        "noise": _noisy,
+        "rain": rain,
+        "snow": snow,
+        "fog": fog,
+        "camera tilted": _raise_camera,
+    }
+)
+"""Name -> a change that the training of a network has not shown it, of light, weather, optics or mount."""

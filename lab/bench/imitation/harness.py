@@ -31,7 +31,7 @@ from learning.dataset.dataset import Dataset
 from learning.judging.evaluate import BIN_RATIO, Bench
 from learning.judging.predictions import JudgedModel, Predictions
 from learning.judging.scores import SHARP_DEG
-from learning.judging.shifts import SHIFTS
+from learning.pixels import SHIFTS
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.chosen_estimators import changes_of

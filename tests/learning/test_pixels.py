@@ -1,9 +1,9 @@
-"""Shifts of the images of a test."""
+"""Changes of the pixels of an image."""
 
 import numpy as np
 import pytest
 
-from learning.judging.shifts import SHIFTS
+from learning.pixels import SHIFTS
 
 
 @pytest.mark.parametrize("name", SHIFTS)
