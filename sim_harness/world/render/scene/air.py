@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.cover import camera_at
 from sim_harness.world.render.scene.painter import SHIFT, Pixels
+from sim_harness.world.render.scene.relief import camera_at
 from sim_harness.world.render.scene.vehicles import outline
 from sim_harness.world.render.scene.view import Shot, View, in_colour, polygon
 from trepid.types import Array, Floats, Image

@@ -5,8 +5,8 @@ import math
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.cover import SLACK_M, camera_at
 from sim_harness.world.render.scene.painter import SHIFT
+from sim_harness.world.render.scene.relief import SLACK_M, camera_at
 from sim_harness.world.render.scene.vehicles import Body, outline
 from sim_harness.world.render.scene.view import SKY_M, Shot, View, in_colour
 from sim_harness.world.roads.disturbance_table import Night, at

@@ -1,4 +1,4 @@
-"""The ground of a road with an elevation profile, as the camera sees it.
+"""The ground of a road with an elevation profile, as the camera sees it, and what it hides.
 
 The vehicle stands on the tangent of the profile at its rear axle, and the camera turns with it. Ahead the ground
 rises above the tangent by
@@ -19,6 +19,8 @@ What is known along every COLUMNS_PX-th column is linear between them.
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 
 import cv2
@@ -26,7 +28,7 @@ import numpy as np
 
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
-from trepid.types import Array, Floats
+from trepid.types import Array, Floats, Image
 
 NEAREST_M, FARTHEST_M = 0.3, 320.0  # ground ahead of the lens
 ALONG_M = np.concatenate([np.arange(0.0, 60.0, 1.0), np.arange(60.0, FARTHEST_M + 6.0, 3.0)])
@@ -34,6 +36,7 @@ ALONG_M = np.concatenate([np.arange(0.0, 60.0, 1.0), np.arange(60.0, FARTHEST_M 
 AHEAD_M = np.geomspace(NEAREST_M, FARTHEST_M, 180)
 COLUMNS_PX = 32
 STEEPEST_RAY_RAD = 1.5  # below the horizon of the vehicle
+SLACK_M = 1.0  # a thing touches the ground that is this much nearer than its middle
 
 
 class Relief:
@@ -129,3 +132,21 @@ def depth_per_ahead(camera: Camera, rows: Array) -> Array:
     angle = np.arctan((rows - camera.cy_px) / camera.fy_px)
     below = np.clip(camera.pitch_down_rad + angle, -STEEPEST_RAY_RAD, STEEPEST_RAY_RAD)
     return np.asarray(np.cos(angle) / np.cos(below))
+
+
+@contextmanager
+def behind(image: Image, cover_m: Floats | None, reach_m: float) -> Iterator[None]:
+    """Within the context a thing ``reach_m`` from the lens is drawn; after it ``image`` shows what hides it.
+
+    ``cover_m``: distance from the lens of ground and walls, (rows, columns); None: nothing hides things.
+    """
+    before = None if cover_m is None else image.copy()
+    yield
+    if cover_m is not None and before is not None:
+        hidden = cover_m < reach_m - SLACK_M
+        image[hidden] = before[hidden]
+
+
+def camera_at(camera: Camera, relief: Relief | None, x_m: float, y_m: float) -> Camera:
+    """The camera as it sees a thing on the ground at (x, y) in vehicle axes."""
+    return camera if relief is None else relief.camera_at(x_m, y_m)

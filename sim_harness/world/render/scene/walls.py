@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.cover import SLACK_M
 from sim_harness.world.render.scene.painter import NEAR_M, SHIFT, Pose
-from sim_harness.world.render.scene.relief import Relief
+from sim_harness.world.render.scene.relief import SLACK_M, Relief
 from sim_harness.world.render.scene.view import View, polygon
 from sim_harness.world.roads.features import Wall, WallKind
 from sim_harness.world.roads.road import Road

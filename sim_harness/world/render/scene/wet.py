@@ -7,8 +7,8 @@ import numpy as np
 
 from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.scene.backdrop import MIRROR_MARGIN_PX, Backdrop
-from sim_harness.world.render.scene.cover import camera_at
 from sim_harness.world.render.scene.painter import SHIFT, Pixels
+from sim_harness.world.render.scene.relief import camera_at
 from sim_harness.world.render.scene.vehicles import draw_lead
 from sim_harness.world.render.scene.view import AHEAD_M, Shot, View, in_colour, light_of, polygon
 from trepid.types import Floats
