@@ -5,7 +5,7 @@ from vehicle_driver_rig import SETTINGS
 
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from vehicle.driver.driver import Driver
+from vehicle.driver.node import Driver
 from vehicle.driver.sticks import Sticks
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
