@@ -7,7 +7,7 @@ from typing import Any
 
 from cockpit.logbook.explain_drive import is_recording
 from sim_harness.compare.drives import Course, compare_drives, course, side_by_side
-from sim_harness.judging.trace_difference import compare_traces
+from sim_harness.compare.traces import compare_traces
 from trepid.config import InputError, read_text
 
 MACHINE = ("realtime_factor",)  # depends on the machine, not on the drive

@@ -14,8 +14,8 @@ from recorded_rig import record_drive
 
 import trepid
 from sim_harness.compare.page import unit_of
+from sim_harness.compare.traces import compare_traces
 from sim_harness.judging.trace import Trace
-from sim_harness.judging.trace_difference import compare_traces
 from sim_harness.scenarios.scenario import load_scenario
 
 SCENARIO = load_scenario("straight", {"duration_s": "2", "sight": "truth"})
