@@ -8,16 +8,16 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+import cv2
 import numpy as np
 
 from trepid.config import InputError
 from trepid.images.containers import loss_of
 from trepid.images.files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
 from trepid.images.video import spread_images, video_frames, video_rate_hz
-from trepid.loudness import warn
 from trepid.recording.images import RecordedImages, decode_image, recorded_car, recorded_images
 from trepid.recording.reader import RecordingContent, read_head
-from trepid.recording.scan import CUT_SHORT, Damage, images_in_words, leave_out
+from trepid.recording.scan import CUT_SHORT, Damage, images_in_words, leave_out, say_once
 from trepid.types import Image
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def _reporting(path: Path, refused: Refused) -> Damage:
 
     def report(what: str, images: int) -> None:
         if what == CUT_SHORT:
-            warn(f"trepid: {path}: {what}")
+            say_once(path, what)
         else:
             refused(InputError(f"{path}: {images_in_words(what, images)}"))
 
@@ -76,9 +76,14 @@ class Still:
         return read_image(self.path)
 
     def shots(self, refused: Refused = _raise_error) -> Iterator[SourceImage]:
-        """The image at time 0. ``refused`` gets the error of an unreadable image of a folder."""
+        """The image at time 0, the first of several.
+
+        ``refused`` gets the error of an unreadable image of a folder.
+        """
         image = _image(self.path, refused if self.in_folder else _raise_error)
         if image is not None:
+            if (pictures := cv2.imcount(str(self.path))) > 1:
+                say_once(self.path, f"holds {pictures} pictures; the first one is read")
             yield SourceImage(self.path, 0, 0.0, image)
 
 

@@ -22,7 +22,7 @@ _NO_TEXT = (
     (b"version https://git-lfs", "is a Git LFS pointer, not the file: `git lfs pull` gets it"),
     (b"PK\x03\x04", "is a ZIP archive, such as a workbook (.xlsx): save or unpack it as text"),
     (b"\x1f\x8b", "is packed by gzip: unpack it"),
-    (b"%PDF", "is a PDF document: save it as text"),
+    (b"%PDF", "is a PDF document"),
     *(
         (start, "is a web page: download the file itself")
         for start in (b"<!DOCTYPE html", b"<!doctype html", b"<html")

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from trepid.config import InputError
+from trepid.files.decoding import UndecodableText, refuse_packed
 from trepid.types import Image
 
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"})
@@ -60,6 +61,10 @@ def read_image(path: Path) -> Image:
         raise InputError(f"{path}: image file is truncated")
     image = decoded_image(data)
     if image is None:
+        try:
+            refuse_packed(data)
+        except UndecodableText as error:
+            raise InputError(f"{path}: {error.problem}") from error
         raise InputError(f"{path}: not an image that can be decoded")
     return image
 

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from trepid.config import InputError
+from trepid.files.decoding import UndecodableText, refuse_packed
 from trepid.images.containers import damage_of, is_container, loss_of
 from trepid.images.files import NOMINAL_FPS
 from trepid.loudness import warn
@@ -41,7 +42,6 @@ LEAST_STEP_S = 5e-4  # between two frames: stamps are whole milliseconds or fine
 MOST_FRAMES = 1e8
 MOST_DAMAGED = 300  # frames in a row: behind more of them, or as many tries at the end, nothing is sought
 SEARCHED = 1 << 20  # bytes at both ends of a file that may name its codec
-LFS = b"version https://git-lfs"
 
 
 class VideoFrame(NamedTuple):
@@ -160,8 +160,10 @@ def _unreadable(path: Path, capture: cv2.VideoCapture) -> str:
         return f"{path}: cannot be read: {error.strerror or error}"
     if loss or not size:
         return f"{path}: video is truncated: {loss or 'the file is empty'}"
-    if beginning.startswith(LFS):
-        return f"{path}: is a Git LFS pointer, not the video: `git lfs pull` gets it"
+    try:
+        refuse_packed(beginning)
+    except UndecodableText as error:
+        return f"{path}: {error.problem}"
     if not capture.isOpened() and not is_container(beginning):
         return f"{path}: cannot be read as a video"
     codec = _opened_codec(capture) if capture.isOpened() else _codec_in(beginning + end)

@@ -94,13 +94,14 @@ def saying(path: Path) -> Damage:
 
     def say(what: str, _messages: int) -> None:
         if what != CUT_SHORT:
-            _say_once(path, what)
+            say_once(path, what)
 
     return say
 
 
 @cache
-def _say_once(path: Path, what: str) -> None:
+def say_once(path: Path, what: str) -> None:
+    """Say what of ``path`` is lost, once in a process however often the file is read."""
     warn(f"trepid: {path}: {what}")
 
 

@@ -12,7 +12,7 @@ from video_rig import matroska
 from cockpit.footage.sources import Still, is_recording, settings_of, sources
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.images.files import NOMINAL_FPS
+from trepid.images.files import NOMINAL_FPS, read_image
 from trepid.messages import CompressedFrame, Frame
 from trepid.recording.writer import Recording
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
@@ -215,6 +215,44 @@ def test_a_video_that_is_cut_short_gives_its_frames_before_it_is_refused(tmp_pat
         for shot in source.shots():
             found.append(shot.number)
     assert len(found) >= 4
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.webp"])
+def test_of_an_animated_picture_the_first_is_read_and_the_line_says_so(tmp_path, name, capsys):
+    animation = cv2.Animation()
+    animation.frames = [np.full((48, 64, 4), grey, np.uint8) for grey in (60, 110, 160)]
+    animation.durations = np.array([40, 40, 40])
+    cv2.imwriteanimation(str(tmp_path / name), animation)
+    (source,) = sources(tmp_path / name)
+    for _ in range(2):
+        (shot,) = source.shots()
+        assert shot.image.mean() == pytest.approx(60, abs=4)
+    assert capsys.readouterr().err == f"trepid: {tmp_path / name}: holds 3 pictures; the first one is read\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1\n", "is a Git LFS pointer, not the file"),
+        (b"<!doctype html><html>404</html>", "is a web page: download the file itself"),
+    ],
+)
+def test_what_stands_at_the_place_of_a_picture_is_named(tmp_path, content, said):
+    path = tmp_path / "a.jpg"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=f"{path}: {said}"):
+        read_image(path)
+
+
+def test_the_lost_end_of_a_recording_is_said_once_however_often_it_is_read(tmp_path, capsys):
+    messages = [
+        (number, foreign.image(photo(90), "bgr8", stamp_ns=40_000_000 * number)) for number in range(1, 9)
+    ]
+    whole = foreign.bag(tmp_path / "one", {"/camera": (IMAGE, messages)})
+    whole.write_bytes(whole.read_bytes()[:-20])
+    (source,) = sources(whole)
+    assert [len(list(source.shots())) for _ in range(2)] == [8, 8]
+    assert capsys.readouterr().err.count("the file is cut short") == 1
 
 
 def test_an_animated_gif_is_a_video_with_the_times_of_its_frames(tmp_path):

@@ -174,7 +174,8 @@ def test_pictures_that_a_known_decoder_cannot_read_are_called_damaged(tmp_path: 
     ("content", "said"),
     [
         (b"", "video is truncated: the file is empty"),
-        (b"version https://git-lfs.github.com/spec/v1\n", "is a Git LFS pointer, not the video"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "is a Git LFS pointer, not the file"),
+        (b"<!DOCTYPE html>\n<html>404</html>", "is a web page: download the file itself"),
         (b"no video", "cannot be read as a video"),
         ((64).to_bytes(4, "big") + b"mdat" + bytes(56), "video is truncated: its index (moov) is missing"),
         (
@@ -183,7 +184,7 @@ def test_pictures_that_a_known_decoder_cannot_read_are_called_damaged(tmp_path: 
         ),
         (element("1a45dfa3", b""), "its codec: this OpenCV cannot decode it; convert it: ffmpeg"),
     ],
-    ids=["empty", "pointer", "text", "no index", "cut", "no tracks"],
+    ids=["empty", "pointer", "web page", "text", "no index", "cut", "no tracks"],
 )
 def test_a_file_without_a_frame_is_refused_by_its_cause(tmp_path: Path, content: bytes, said: str) -> None:
     path = tmp_path / "a.mp4"
