@@ -16,7 +16,8 @@ INPUT_TESTS := tests/test_encodings.py tests/trepid/files/test_decoding.py tests
 	tests/learning/dataset/test_sources.py tests/learning/dataset/test_build_cli.py tests/learning/dataset/test_export.py \
 	tests/vehicle/actuators/can/test_dbc.py tests/vehicle/actuators/can/test_invalid_values.py \
 	tests/vehicle/actuators/can/test_multiplexed.py tests/cockpit/calibration/test_camera_info.py \
-	tests/cockpit/rulebook/test_fcl.py tests/trepid/processes/test_endpoint.py
+	tests/cockpit/rulebook/test_fcl.py tests/trepid/processes/test_endpoint.py \
+	tests/cockpit/footage/test_sources.py tests/trepid/test_clock.py
 # By file name: importing all test files would take longer than these tests.
 PROCESS_TESTS = $(shell grep -rl mark.processes tests lab/tests --include=test_*.py)
 SMOKE_TESTS = $(shell grep -rl mark.smoke tests lab/tests --include=test_*.py)
