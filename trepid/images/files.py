@@ -58,7 +58,7 @@ def read_image(path: Path) -> Image:
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     if not _is_complete(data):
-        raise InputError(f"{path}: image file is truncated")
+        raise InputError(f"{path}: image file is {'truncated' if data else 'empty'}")
     image = decoded_image(data)
     if image is None:
         try:
@@ -90,12 +90,12 @@ def is_upright_jpeg(data: bytes) -> bool:
 
 
 def _is_complete(data: bytes) -> bool:
-    """False for a JPEG or PNG without its end mark: decoders fill the missing rest with grey."""
+    """False for no bytes, and for a JPEG or PNG without its end mark: decoders fill the missing rest with grey."""
     if data.startswith(_JPEG):
         return _has_end(data)
     if data.startswith(b"\x89PNG\r\n\x1a\n"):
         return b"IEND" in data
-    return True
+    return bool(data)
 
 
 def _has_end(jpeg: bytes) -> bool:

@@ -235,6 +235,7 @@ def test_of_an_animated_picture_the_first_is_read_and_the_line_says_so(tmp_path,
     [
         (b"version https://git-lfs.github.com/spec/v1\n", "is a Git LFS pointer, not the file"),
         (b"<!doctype html><html>404</html>", "is a web page: download the file itself"),
+        (b"", "image file is empty"),
     ],
 )
 def test_what_stands_at_the_place_of_a_picture_is_named(tmp_path, content, said):
