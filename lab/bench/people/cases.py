@@ -29,7 +29,6 @@ STEP_SPEEDS_MPS = {
 STANDS_S = 12.0  # in the lane: a stop from afar takes 8 s
 AT_M = (60.0, 80.0)  # from the bumper at the start to the encounter
 VAN_ASIDE_M, VAN_HALF_M = 2.9, 1.0  # of parked vans: from the lane centre, and half their width
-HALF_CAR_M = 0.7
 STEP_OUT, BYSTANDER, CYCLIST = KINDS = ("step-out", "bystander", "cyclist ahead")
 
 

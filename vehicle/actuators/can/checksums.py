@@ -19,12 +19,11 @@ Source of the two makes: opendbc, ``toyotacan.py`` and ``hondacan.py``; of the C
 from collections.abc import Callable
 from functools import reduce
 from operator import xor
-from typing import Literal, get_args
+from typing import Literal
 
 from crccheck.crc import Crc8Autosar, Crc8SaeJ1850
 
 Algorithm = Literal["xor", "sum", "toyota", "honda", "crc8_j1850", "crc8_autosar"]
-ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 WHOLE_BYTE = frozenset({"crc8_j1850", "crc8_autosar"})
 """Algorithms whose checksum fills one byte, which they leave out."""
 EXTENDED = 0x7FF  # addresses above it have 29 bits
