@@ -1,4 +1,7 @@
-"""The verb ``example``: the examples of the documentation, from the installation into a folder of the user."""
+"""The verb ``example``: what the documentation names, from the installation into a folder of the user.
+
+These are its examples, and ``config``: the settings that the commands of the pages name as files.
+"""
 
 import shutil
 from pathlib import Path
@@ -6,15 +9,16 @@ from typing import Annotated
 
 import typer
 
-from trepid.config import EXAMPLES_DIR, InputError, read_text, refuse
+from trepid.config import CONFIG_DIR, EXAMPLES_DIR, InputError, read_text, refuse
 from trepid.spelling import did_you_mean
 
 app = typer.Typer(help="List and copy the examples of the documentation.", no_args_is_help=True)
+SETTINGS = "config"  # the name of CONFIG_DIR, also in a wheel, where its folder has another
 
 
 def examples() -> dict[str, Path]:
-    """Name -> file or folder: what stands in the folder of the examples, or in a folder of folders there."""
-    found: dict[str, Path] = {}
+    """Name -> file or folder: the settings, and what stands in the folder of the examples or in folders there."""
+    found = {SETTINGS: CONFIG_DIR}
     for path in sorted(EXAMPLES_DIR.iterdir()):
         below = [one for one in sorted(path.iterdir()) if one.is_dir()] if path.is_dir() else []
         if path.is_dir() and not any(one.is_file() for one in path.iterdir()):
@@ -58,6 +62,8 @@ def show() -> int:
 
 def description(path: Path) -> str:
     """The first line of an example, without the signs of a comment; of a folder that of its README or processes."""
+    if path == CONFIG_DIR:
+        return "the settings of the installation, for commands that name a file of config/"
     if path.is_dir():
         path = next(one for name in ("README.md", "processes.yaml") if (one := path / name).is_file())
     if path.suffix == ".ipynb":
