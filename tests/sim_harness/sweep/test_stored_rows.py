@@ -1,8 +1,11 @@
 """Rows of a long benchmark: computed once, stored one by one, and valid only for the code that computed them."""
 
 import json
+import multiprocessing
 import os
+import random
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -22,6 +25,11 @@ def square(number: int) -> dict[str, object]:
 def square_unless_two(number: int) -> dict[str, object]:
     if number == 2:
         os.kill(os.getpid(), signal.SIGKILL)
+    return square(number)
+
+
+def square_slowly(number: int) -> dict[str, object]:
+    time.sleep(0.005)
     return square(number)
 
 
@@ -59,6 +67,31 @@ def test_a_killed_worker_loses_one_row_and_a_second_call_computes_it(tmp_path: P
         stored_rows(path, square_unless_two, TASKS)
     assert len(path.read_text().splitlines()) == 2
     assert [row["square"] for row in stored_rows(path, square, TASKS)] == [1, 4, 9]
+
+
+@pytest.mark.long
+def test_a_study_killed_at_20_random_moments_loses_no_row_and_has_none_twice(tmp_path: Path) -> None:
+    tasks = {f"{number} {'x' * 2000}": number for number in range(40)}
+    began_s = time.monotonic()
+    whole = stored_rows(tmp_path / "whole.jsonl", square_slowly, tasks, jobs=1)
+    lasted_s = time.monotonic() - began_s
+    moments, cut_short = random.Random(20), 0
+    for kill in range(20):
+        path = tmp_path / f"{kill}.jsonl"
+        study = multiprocessing.get_context("fork").Process(
+            target=stored_rows, args=(path, square_slowly, tasks), kwargs={"jobs": 1}
+        )
+        study.start()
+        study.join(moments.uniform(0.0, lasted_s))
+        study.kill()
+        study.join()
+        kept = path.read_bytes().rpartition(b"\n")[0] if path.is_file() else b""
+        cut_short += 0 < len(kept.splitlines()) < len(tasks)
+        assert stored_rows(path, square_slowly, tasks, jobs=1) == whole, f"kill {kill}"
+        found = path.read_bytes()
+        cases = [json.loads(line)["case"] for line in found.splitlines()]
+        assert found.startswith(kept) and sorted(cases) == sorted(tasks), f"kill {kill}"
+    assert cut_short > 0
 
 
 def test_a_file_in_use_or_with_other_content_is_refused(tmp_path: Path) -> None:
