@@ -53,10 +53,13 @@ from trepid.config import WORK_DIR
 Row = dict[str, Any]
 Point = tuple[float, ...]
 RATE = "stages.0.learning_rate"
-NUMBERS: Mapping[str, int] = {RATE: 9, "batch": 5, "weight_decay": 4, "warm_up": 3}
+NUMBERS: Mapping[str, int] = {RATE: 9, "batch": 5, "weight_decay": 3, "warm_up": 2}
 """Searched number of the recipe -> points of the grid along it."""
-EPOCHS, EVERY = 4, 8  # of a training; frame
-EVALUATIONS = (20, 60, 180)  # 20: those of `trepid train --search` by default
+EPOCHS, EVERY = (
+    12,
+    4,
+)  # of a training; frame. With half of both no recipe learns more than a wheel held straight
+EVALUATIONS = (20, 40, 80)  # 20: those of `trepid train --search` by default
 SEARCHES = 30  # of each sampler
 REPEATED_EVERY = 20  # recipe of the grid in the order of its cost: trained again with another seed
 REPEAT_SEED = 1000  # beyond that of the grid
