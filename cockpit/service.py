@@ -45,7 +45,7 @@ WantedBy={target}
 
 
 def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
-    """Write the unit of the drive of ``car`` into the folder ``out``; its path.
+    """Write the unit of the drive of ``car`` into the folder ``out``, which is made; its path.
 
     Raises InputError for an invalid car, for a folder that cannot be written, and when the unit exists with another
     content.
@@ -78,6 +78,7 @@ def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
     try:
         if path.exists() and path.read_text(encoding="utf-8") != text:
             raise InputError(f"{path}: exists with another content and is kept; remove it, or give --out")
+        out.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from error

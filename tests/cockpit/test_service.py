@@ -69,3 +69,10 @@ def test_a_unit_that_somebody_has_edited_is_kept(car: Path, tmp_path: Path) -> N
     ):
         write_units(car, tmp_path)
     assert path.read_text() == "edited"
+
+
+def test_the_folder_of_units_is_made_and_a_file_in_its_place_is_named(car: Path, tmp_path: Path) -> None:
+    (path,) = write_units(car, tmp_path / "systemd" / "user", user=True)
+    assert path.is_file()
+    with pytest.raises(InputError, match=r"trepid-mycar\.service: cannot be written: "):
+        write_units(car, car / "drive.yaml")
