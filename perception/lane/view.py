@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.lane.detection.edges import RoadEdgeFinder
+from perception.lane.detection.edges import RoadEdgeFinder, edge_grid
 from perception.lane.detection.grid import LateralGrid, lateral_grid
 from perception.lane.detection.points import MarkingFilter
 from perception.lane.settings import LaneCvSettings
@@ -48,14 +48,15 @@ def make_view(settings: LaneCvSettings, camera: Camera) -> ViewTables | None:
     grid = lateral_grid(
         working, reach_m=settings.reach_m, band_m=settings.band_m, max_band_px=settings.max_band_px
     )
-    if len(grid.ahead_m) < MIN_BANDS:
+    edges = edge_grid(settings.edges, grid.camera)
+    if len(grid.ahead_m) < MIN_BANDS or not len(edges.ahead_m):
         return None
     return ViewTables(
         camera=camera,
         undistort=undistortion_maps(working),
         grid=grid,
         markings=MarkingFilter(settings.markings, grid),
-        edges=RoadEdgeFinder(settings.edges, grid.camera),
+        edges=RoadEdgeFinder(settings.edges, edges),
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.lane.detection.grid import lateral_grid, row_places
+from perception.lane.detection.grid import LateralGrid, lateral_grid, row_places
 from perception.lane.detection.surface import SurfaceBins, SurfaceSettings, road_likelihood, surface_bins
 from perception.lane.model.geometry import (
     KAPPA,
@@ -68,22 +68,25 @@ class RoadImage:
     bins: SurfaceBins
 
 
+def edge_grid(settings: EdgeSettings, camera: Camera) -> LateralGrid:
+    """The grid in which edges are searched in images from ``camera``, without rows where it shows no road."""
+    width_px = min(camera.width_px, settings.working_width_px)
+    height_px = max(1, round(camera.height_px * width_px / camera.width_px))
+    # The settings hold for c' = s·c, which is (1 - s)/2 of a pixel beside the centre of the resized image.
+    centre = dict(
+        cx_px=camera.cx_px * (width_px / camera.width_px),
+        cy_px=camera.cy_px * (height_px / camera.height_px),
+    )
+    resized = camera.resize(width_px, height_px).model_copy(update=centre)
+    return lateral_grid(resized, reach_m=settings.reach_m, band_m=settings.band_m, max_band_px=4)
+
+
 class RoadEdgeFinder:
     """Finds the pair of parallel road edges in an image of a fixed size and camera."""
 
-    def __init__(self, settings: EdgeSettings, camera: Camera) -> None:
-        self._settings = settings
-        width_px = min(camera.width_px, settings.working_width_px)
-        height_px = max(1, round(camera.height_px * width_px / camera.width_px))
-        # The settings hold for c' = s·c, which is (1 - s)/2 of a pixel beside the centre of the resized image.
-        centre = dict(
-            cx_px=camera.cx_px * (width_px / camera.width_px),
-            cy_px=camera.cy_px * (height_px / camera.height_px),
-        )
-        self._camera = camera.resize(width_px, height_px).model_copy(update=centre)
-        self.grid = lateral_grid(
-            self._camera, reach_m=settings.reach_m, band_m=settings.band_m, max_band_px=4
-        )
+    def __init__(self, settings: EdgeSettings, grid: LateralGrid) -> None:
+        """``grid``: that of :func:`edge_grid`, of at least one row."""
+        self._settings, self._camera, self.grid = settings, grid.camera, grid
         self._first_row = int(self.grid.top_px[0])
         self._left_m = np.arange(settings.half_range_m, -settings.half_range_m - 1e-9, -settings.step_m)
         columns = self._camera.cx_px - self.grid.metre_px[:, None] * self._left_m + 0.5

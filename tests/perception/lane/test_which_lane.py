@@ -7,8 +7,9 @@ from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
 
 from perception.camera.lower_end import LOOKS
 from perception.camera.odometry import StateOdometry
-from perception.camera.self_calibration import calibrate_by_images
+from perception.camera.self_calibration import calibrate_by_images, typical_camera
 from perception.estimators import build_beside, entry_of
+from perception.lane.lane_cv import LaneCv
 from perception.lane.model.geometry import WIDTH, E
 from perception.lane.model.prediction import VehicleMotion
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair
@@ -72,6 +73,17 @@ def test_of_two_lanes_that_agree_one_that_its_own_finder_doubts_is_not_reported(
 def test_an_image_without_a_lane_has_no_confidence():
     image = np.full((240, 320, 3), 90, np.uint8)
     assert estimate_by(unknown(image), image).confidence < 0.1
+
+
+@pytest.mark.parametrize("height_px", [56, 60, 64])
+def test_a_low_wide_image_with_less_road_than_edges_need_shows_none(height_px):
+    """As many rows as lines need, and none at the lower resolution of the edges."""
+    settings = SETTINGS.self_calibration
+    camera = typical_camera(320, height_px, 0.70 + (height_px - 56) / 200, settings)
+    seen = LaneCv(SETTINGS, camera, VEHICLE).step(
+        Frame(t_s=0.0, image=np.full((height_px, 320, 3), 90, np.uint8)), None, now_s=0.0
+    )
+    assert seen.lateral_offset_m is None and seen.reason == "the image shows no road"
 
 
 def test_a_dark_street_is_brightened_and_a_light_one_is_not():
