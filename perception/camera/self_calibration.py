@@ -18,6 +18,8 @@ MIN_CAMERA_PX = 16  # of a Camera
 MIN_IMAGE_PX = 32  # smaller images have no vanishing point
 MIN_RISE = 0.15  # rise over length of a segment
 MAX_LENGTH_PX = 40.0  # longer segments count as this
+WITH_ABOVE = -1.0, 0.8  # rows where the lines of a road may meet if the image need not show the horizon
+MEET, CLEARLY = 0.4, 0.2  # share of the segments that meet above the image; more than meet inside by this
 
 
 class VanishingPoint(NamedTuple):
@@ -106,6 +108,30 @@ class Horizon:
         return self._found
 
 
+def meet_above(image: NDArray[np.uint8], settings: SelfCalibrationSettings) -> bool:
+    """Whether the lines of the road meet above the upper edge of ``image``, clearly more of them than inside."""
+    if min(image.shape[:2]) < MIN_IMAGE_PX:
+        return False
+    votes = Votes.of(image, settings, WITH_ABOVE)
+    best, above = votes.score.max(axis=1), votes.y < 0
+    return bool(best[above].max() > max(MEET, best[~above].max() + CLEARLY))
+
+
+class LooksDown:
+    """Whether the camera of a drive looks so far down that the horizon is above its images."""
+
+    def __init__(self, settings: SelfCalibrationSettings) -> None:
+        self._settings = settings
+        self._above, self._frames = 0, 0
+
+    def update(self, image: NDArray[np.uint8]) -> bool:
+        """The same with ``image``: in most of the first ``CALIBRATION_FRAMES`` the lines meet above it."""
+        if self._frames < CALIBRATION_FRAMES:
+            self._frames += 1
+            self._above += meet_above(image, self._settings)
+        return 2 * self._above > self._frames
+
+
 class Votes(NamedTuple):
     """The votes of the segments of an image for each place of a grid."""
 
@@ -115,14 +141,22 @@ class Votes(NamedTuple):
     length_px: float  # of all segments
 
     @classmethod
-    def of(cls, image: NDArray[np.uint8], settings: SelfCalibrationSettings) -> "Votes":
-        """Each segment votes with its length for every place above it within a few degrees of its direction."""
+    def of(
+        cls,
+        image: NDArray[np.uint8],
+        settings: SelfCalibrationSettings,
+        between: tuple[float, float] = (0.2, 0.8),
+    ) -> "Votes":
+        """Each segment votes with its length for every place above it within a few degrees of its direction.
+
+        The places are ``between`` two rows, shares of the height.
+        """
         grey = small_grey(image)
         rows, columns = grey.shape
         found = segments(grey)
         slanted = (np.abs(found.direction[:, 1]) > MIN_RISE) & (found.length_px > settings.min_segment_px)
         found = found.part(slanted)
-        y = np.arange(0.2 * rows, 0.8 * rows, settings.grid_step_px)
+        y = np.arange(between[0] * rows, between[1] * rows, settings.grid_step_px)
         x = np.arange(0.2 * columns, 0.8 * columns, settings.grid_step_px)
         aside = ((x / columns - 0.5) / settings.centre_sigma) ** 2 / 2
         score = np.broadcast_to(-settings.prior_weight * aside, (len(y), len(x)))

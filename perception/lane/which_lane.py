@@ -9,6 +9,8 @@ not reported: the search may remember one that slid off the boundaries of the ro
 The image counts down to the lower end of the road, where a bonnet is visible (:mod:`perception.camera.lower_end`):
 its grey level is not that of the road, and no pixel of it shows a boundary.
 
+Where the lines of the road meet above the image, there is no horizon to measure by, and no lane is reported.
+
 The pairs are hypotheses kept over time: those of a frame, moved with the vehicle, weigh the pairs of the next one.
 The side of the traffic is that of the car file, or learned from kerbs beside lines.
 """
@@ -21,12 +23,13 @@ import numpy as np
 
 from perception.camera.lower_end import SAME, LowerEnd
 from perception.camera.odometry import DriveOptics, StateOdometry
+from perception.camera.self_calibration import LooksDown
 from perception.camera.uncertainty import CameraBelief, with_camera_doubt
 from perception.lane.agreement import agreement, lane_columns
 from perception.lane.detection.evenness import unevenness
 from perception.lane.detection.marks import marks
 from perception.lane.detection.shown import visible_share
-from perception.lane.estimate import lane_estimate
+from perception.lane.estimate import NAME, lane_estimate
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
 from perception.lane.model.paths import ROW_STEP_PX
 from perception.lane.model.prediction import VehicleMotion
@@ -48,6 +51,7 @@ ROAD_ROWS = 0.7  # the road right ahead is below this share of the height of the
 UNEVEN = 2.0  # of a lane of which too little is visible
 MIN_AGREEMENT = 0.9  # from which both finders have the same lane
 PROBABLE = 0.5  # lane of the search on its own, whose more precise place is reported
+NO_HORIZON = "the camera looks too far down to find the horizon, and with it distances; give its camera file"
 OTHER_LANE = "at other likely heights of the camera, or beside it, it is another lane"
 
 
@@ -88,6 +92,7 @@ class WhichLane:
         self._lower_end, self._end = LowerEnd() if bonnet else None, 1.0
         self._searched = LaneOfUnknownCamera(settings, camera, vehicle)
         self._drive = DriveOptics(camera, odometry)
+        self._looks_down = LooksDown(settings.self_calibration)
         self._last: tuple[Frame, SteeringEstimate] | None = None
         self._kept: RememberedFrame | None = None
         self._traffic_log_odds = 0.0  # of left-hand traffic, learned
@@ -111,6 +116,11 @@ class WhichLane:
     def _find_lane(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         if unusable(frame.image):
             return self._searched.step(frame, state, now_s=now_s)
+        if self._looks_down.update(frame.image):
+            self.looks, self._kept = (), None
+            return SteeringEstimate.nothing(
+                frame.t_s, estimator=NAME, lookahead_m=self._settings.steering.lookahead_m, reason=NO_HORIZON
+            )
         street, motion, before = self._settings.street, VehicleMotion.of(state), self._searched.camera
         found = self._drive.step(frame.image, frame.t_s, motion.speed_mps, motion.yaw_rate_radps)
         if found is not None:

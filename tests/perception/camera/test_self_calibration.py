@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.camera.self_calibration import Horizon, typical_camera
+from perception.camera.self_calibration import Horizon, LooksDown, meet_above, typical_camera
 from perception.estimators import lane_cv_settings
 
 SETTINGS = lane_cv_settings().self_calibration
@@ -68,3 +68,24 @@ def test_after_the_first_frames_every_fifth_one_counts_and_the_others_keep_the_h
     moved = np.flatnonzero(np.diff([known, *found]))
     assert found[-1] == pytest.approx(0.6, abs=0.02)
     assert (moved % SETTINGS.horizon_every == 0).all()
+
+
+@pytest.mark.parametrize("above", [-0.2, -0.4, -0.7])
+def test_lines_that_meet_above_the_image_show_a_camera_that_looks_far_down(above):
+    assert meet_above(road(above), SETTINGS)
+
+
+@pytest.mark.parametrize("image", [road(0.1), road(0.4, 0.3), road(0.6), slanted_lines(50), road(0.5) * 0])
+def test_a_horizon_in_the_image_walls_and_nothing_are_no_lines_that_meet_above_it(image):
+    assert not meet_above(image, SETTINGS)
+
+
+def test_most_frames_of_a_drive_say_whether_its_camera_looks_down():
+    seen = LooksDown(SETTINGS)
+    assert [seen.update(road(share)) for share in (-0.4, 0.5, 0.5, -0.4, -0.4)] == [
+        True,
+        False,
+        False,
+        False,
+        True,
+    ]

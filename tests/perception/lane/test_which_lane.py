@@ -14,7 +14,14 @@ from perception.lane.model.geometry import WIDTH, E
 from perception.lane.model.prediction import VehicleMotion
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair
 from perception.lane.street.profile import StreetCourse
-from perception.lane.which_lane import RememberedFrame, WhichLane, lit, move_pairs, scale_lane
+from perception.lane.which_lane import (
+    NO_HORIZON,
+    RememberedFrame,
+    WhichLane,
+    lit,
+    move_pairs,
+    scale_lane,
+)
 from trepid.car.vehicle import Traffic
 from trepid.messages import Frame, VehicleState
 
@@ -73,6 +80,13 @@ def test_of_two_lanes_that_agree_one_that_its_own_finder_doubts_is_not_reported(
 def test_an_image_without_a_lane_has_no_confidence():
     image = np.full((240, 320, 3), 90, np.uint8)
     assert estimate_by(unknown(image), image).confidence < 0.1
+
+
+@pytest.mark.parametrize(("pitch_rad", "reason"), [(0.0, ""), (0.55, NO_HORIZON)])
+def test_a_camera_that_looks_too_far_down_for_a_horizon_is_named_in_place_of_a_lane(pitch_rad, reason):
+    image = road(STRAIGHT, camera=DASHCAM.model_copy(update={"pitch_down_rad": pitch_rad}))
+    seen = estimate_by(unknown(image), image)
+    assert seen.reason == reason and (seen.lateral_offset_m is None) == bool(reason)
 
 
 @pytest.mark.parametrize("height_px", [56, 60, 64])
