@@ -187,9 +187,13 @@ class LaneSection:
 
     def without_width(self, lane_id: int) -> list[int]:
         """The lanes beyond ``lane_id`` on either side at which :meth:`outwards` ends for want of a width."""
-        ends = (max([lane_id * sign, *(n * sign for n in self.outwards(lane_id, sign))]) for sign in (1, -1))
-        beyond = (sign * (end + 1 or 1) for sign, end in zip((1, -1), ends, strict=True))
-        return [n for n in beyond if n in self.lanes and not self.has_width(n)]
+        found = []
+        for sign in (1, -1):
+            *_, last = lane_id, *self.outwards(lane_id, sign)
+            beyond = last + sign or sign  # there is no lane 0
+            if beyond in self.lanes and not self.has_width(beyond):
+                found.append(beyond)
+        return found
 
     def line(self, lane_id: int, side: int, near: float) -> Marking:
         """The marking on the left (``side`` 1) or right (-1) edge of a lane at ``near``; of a pair, left first."""
