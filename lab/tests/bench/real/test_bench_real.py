@@ -195,6 +195,15 @@ def test_the_judgements_of_the_repository_can_be_read_and_name_known_sets():
     assert len(COLUMNS) == 4 + 2 * len(LANE_ROWS)
 
 
+def test_a_lane_is_drawn_in_rows_in_which_the_eye_can_place_it_and_at_both_sides():
+    drawn = [one.lane for files in judgements().values() for lanes in files.values() for one in lanes
+             if one.judgement == "lane"]  # fmt: skip
+    assert drawn
+    for left, right in drawn:
+        assert (np.isnan(left) == np.isnan(right)).all() and np.isfinite(left[:2]).all()
+        assert np.nanmin(right - left) >= 0.15  # of the image
+
+
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
