@@ -167,6 +167,9 @@ BENCHMARKS = {
         "laps on photographed and drawn floor tiles of Duckietown, in a world of a plug-in: departures, speed",
         pictured=False,
     ),
+    "floors": Benchmark(
+        "real.floors", "lanes of tape and paint on real and foreign floors, beside lanes drawn by eye"
+    ),
     "hills": Benchmark(
         "perception.hills",
         "hills and banks: laps under supervision, lane 15 m ahead beside a flat road, stops behind crests",

@@ -56,7 +56,7 @@ def bench(
         str,
         typer.Option(
             help="perception: names, separated by commas; default: all. real: beside cv and cnn; also: all."
-            " tracks, tiles: instead of tape."
+            " tracks, tiles, floors: instead of tape."
         ),
     ] = "",
     quick: Annotated[

@@ -6,7 +6,7 @@ prediction, or from the best arcs where there is none or it is unsure. In a bend
 image shows the outer line alone, from some lane widths ahead on; the inner one is in the memory.
 
 Confidence = length × share of line on the visible boundaries × no lines inside the lane × small deviation at the
-look-ahead × frames in a row. It falls with the way without a line.
+look-ahead × frames in a row. It falls with the way without lines; where the motion is unknown, it ends with them.
 """
 
 import math
@@ -68,6 +68,7 @@ class TapeLane:
         self._lane: LaneCurve | None = None
         self._t_s = -math.inf
         self._looks, self._unseen_m, self._sure = 0, 0.0, 0.0
+        self._moved = False  # the lane is predicted by the motion of the car
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane in ``frame``; ``state`` gives the motion since the last frame."""
@@ -88,11 +89,18 @@ class TapeLane:
         return self._estimate(frame.t_s, voting)
 
     def _move(self, t_s: float, motion: VehicleMotion) -> None:
-        """Lane and lines at ``t_s``; nothing is remembered after a jump in time, nor without speed and yaw rate."""
+        """Lane and lines at ``t_s``; nothing is remembered after a jump in time.
+
+        Without speed and yaw rate the last lane is where the fit begins, and lines beside the image are unknown.
+        """
         dt_s, self._t_s = t_s - self._t_s, t_s
-        if not 0 <= dt_s <= MAX_GAP_S or motion.speed_mps is None or motion.yaw_rate_radps is None:
+        self._moved = motion.speed_mps is not None and motion.yaw_rate_radps is not None
+        if not 0 <= dt_s <= MAX_GAP_S:
             self._memory.forget()
             self._lane, self._looks, self._unseen_m, self._sure = None, 0, 0.0, 0.0
+            return
+        if motion.speed_mps is None or motion.yaw_rate_radps is None:
+            self._memory.forget()
             return
         way_m, turned_rad = motion.speed_mps * dt_s, motion.yaw_rate_radps * dt_s
         self._memory.move(way_m, turned_rad)
@@ -105,8 +113,8 @@ class TapeLane:
     def _choose(self, voting: VotingPoints) -> None:
         """The tracked lane; where there is none, or it is unsure, the best of the search if it has more line."""
         least = self._settings.sure.least
-        kept = None if self._lane is None else self._fit.fit(self._lane, voting, tracked=True)
-        if kept is not None and self._sure >= least:
+        kept = None if self._lane is None else self._fit.fit(self._lane, voting, tracked=self._moved)
+        if kept is not None and self._moved and self._sure >= least:
             self._lane = kept
             return
         most = -math.inf if kept is None else self._evidence(kept, voting).votes
@@ -181,9 +189,12 @@ class TapeLane:
         seen_m = sum(evidence.seen_m)
         if seen_m >= 2 * STEP_M:
             self._looks, self._unseen_m = min(self._looks + 1, sure.looks), 0.0
+        elif not self._moved:
+            self._looks = 0
         sides = sum(length >= 2 * STEP_M for length in evidence.seen_m)
         sides = sides if self._settings.lane.aside else min(sides, 1)
-        line = min(1.0, (seen_m + evidence.remembered_m) / sure.line_m)
+        enough_m = min(max(evidence.visible_m, sure.least_line_m), sure.line_m)
+        line = min(1.0, (seen_m + evidence.remembered_m) / enough_m)
         share = min(1.0, seen_m / max(sure.share * evidence.visible_m, STEP_M)) if evidence.visible_m else 1.0
         clear = (seen_m + evidence.remembered_m) / max(
             seen_m + evidence.remembered_m + evidence.inside_m, STEP_M

@@ -96,6 +96,7 @@ class SureSettings(Settings):
 
     near_m: Positive
     line_m: Positive
+    least_line_m: Positive
     share: PositiveShare
     aim_sigma_m: Positive
     looks: Annotated[int, Field(ge=1)]

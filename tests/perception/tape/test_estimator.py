@@ -106,9 +106,31 @@ def test_a_speed_and_a_yaw_rate_that_are_a_tenth_wrong_leave_the_lane_in_its_pla
     assert max(abs(offset_m(estimate)) for _, _, estimate in seen) < 0.025
 
 
-def test_without_a_yaw_rate_nothing_is_remembered() -> None:
-    """Every frame is a first one: its lane has no memory and so no full confidence."""
-    assert max(estimate.confidence for _, _, estimate in lap("white_on_mat", 2.0, to_m=0.5, blind=True)) < 0.5
+@pytest.mark.parametrize("bend", [1.5, -3.0])
+def test_without_a_yaw_rate_the_lane_is_that_of_the_lines_in_sight(bend: float) -> None:
+    """Less exact in a bend, whose inner line is not in sight."""
+    seen = lap("duckie", bend, to_m=BEND_AT_M + abs(bend) * LANE_M * math.pi + 0.2, blind=True)[5:]
+    assert np.mean([estimate.confidence > 0.5 for _, _, estimate in seen]) > 0.9
+    assert max(abs(offset_m(estimate)) for _, _, estimate in seen) < LANE_M / 4
+
+
+def test_without_a_yaw_rate_a_lane_ends_with_its_lines() -> None:
+    with using_car(CONFIG_DIR / "cars" / "mini"):
+        camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+        road = Road(taped_track("oval", LOOKS["white_on_mat"], lane_width_m=LANE_M, bend=2.0))
+        image = Renderer(road, camera, seed=1).render(
+            *road.position(FROM_M, 0.0), road.heading_at(FROM_M), t_s=0.0
+        )
+        estimator = entry_of("tape").build(camera, vehicle)
+        shown = [
+            estimator.step(Frame(t_s=t_s, image=one), None, now_s=t_s).confidence
+            for t_s, one in zip(
+                np.arange(8) * PERIOD_S, [*[image] * 6, np.full_like(image, 128), image], strict=True
+            )
+        ]
+    assert shown[5] > 0.9
+    assert shown[6] == 0.0
+    assert 0 < shown[7] < 0.3, "the frames in a row are counted from the beginning"
 
 
 def test_the_boundaries_are_drawn_in_the_image() -> None:
