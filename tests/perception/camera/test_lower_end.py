@@ -2,9 +2,11 @@ import cv2
 import numpy as np
 import pytest
 from bonnet_rig import with_bonnet
-from drawn_road_rig import CAMERA, road
+from drawn_road_rig import CAMERA, VEHICLE, road
 
 from perception.camera.lower_end import LOOKS, SAME, LowerEnd, rim
+from perception.estimators import entry_of
+from trepid.messages import Frame
 
 DASHCAM = CAMERA.model_copy(
     update=dict(fx_px=288.0, fy_px=288.0, height_m=1.3, pitch_down_rad=0.0, cx_px=159.5, cy_px=119.5, x_m=1.7)
@@ -79,3 +81,18 @@ def test_trees_behind_a_level_road_are_no_rim():
     assert rim(image) < 0.7
     assert rim(image, horizon=0.6) == 1.0
     assert rim(with_bonnet(image, 200, share=0.1), horizon=0.6) < 0.95
+
+
+@pytest.mark.parametrize("name", ["cv", "cnn", "arcs"])
+@pytest.mark.parametrize(("grey", "share"), [(3, 0.15), (200, 0.25)])
+def test_under_a_bonnet_an_estimator_with_a_camera_file_has_the_same_lane_as_without(name, grey, share):
+    seen = {}
+    for covered in (False, True):
+        estimator = entry_of(name).build(CAMERA, VEHICLE)
+        for number in range(4):
+            image = road((0.2, 0.02, 0.0, 0.0), seed=number)
+            image = with_bonnet(image, grey, share=share, waves=8.0) if covered else image
+            seen[covered] = estimator.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+    assert seen[True].confidence > 0.9 * seen[False].confidence > 0.7
+    assert seen[True].lateral_offset_m == pytest.approx(seen[False].lateral_offset_m, abs=0.1)
+    assert seen[True].curvature_1pm == pytest.approx(seen[False].curvature_1pm, abs=0.004)
