@@ -208,8 +208,11 @@ class WhichLane:
         )
         self.looks = FinderLane(searched, of_search), FinderLane(paired, of_pair)
         most = either(searched.confidence, lane.pair.probability, agreement=same)
-        by_search = min(probability_of(of_search, weights.searched), most)
-        by_pair = probability_of(of_pair, weights.pair)
+        both_ways = 1 - lane.pair.one_lane
+        by_search = min(probability_of(of_search, weights.searched), most) * (1 - same * both_ways)
+        by_pair = probability_of(of_pair, weights.pair) * (1 - both_ways)
+        if not all(which):  # no pixel shows the middle of a road
+            by_pair = min(by_pair, lane.pair.probability)
         if same >= MIN_AGREEMENT and searched.lanes_detected == 2 and searched.confidence >= PROBABLE:
             return replace(searched, confidence=max(by_search, by_pair))
         best = (searched, by_search) if by_search >= by_pair else (paired, by_pair)

@@ -5,13 +5,14 @@ with the car between them is a hypothesis. Its weight is the product of the dens
 of the car, the probability that both boundaries are real, and factors below 1 for a line or another surface inside.
 The height of the camera is marginal: a lane of W camera heights is W·h wide.
 
-Two steps without a line between them enclose one lane, or a road for both ways, whose half on the side of the
-traffic is the lane.
+Two ends of the road without a line between them enclose one lane, or a road for both ways, whose half on the side
+of the traffic is the lane. A step is an end, and so is a line beyond which another surface lies: kerbs look like
+lines in masks, and rural roads have lines at their edges alone.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -45,6 +46,9 @@ class Pair:
     right: Boundary
     probability: float  # among all pairs and none of them
     height: float  # mean factor of the height of the camera, given this pair
+    # Probability that a road between its ends is not for both ways, by the width alone: where the car stands says
+    # nothing, because a car that drives in the middle of a road stays there.
+    one_lane: float = 1.0
 
     @property
     def width_m(self) -> float:
@@ -119,49 +123,53 @@ def pairs(
     height = np.exp(np.linspace(-2, 2, 9) * height_sigma)
     belief = np.exp(-0.5 * np.linspace(-2, 2, 9) ** 2)
     belief /= belief.sum()
-    weighted: list[tuple[Boundary, Boundary, float, float]] = []
+    weighted: list[Pair] = []  # with weights in place of probabilities
     for left in found:
         for right in found:
             if left.left_m < -settings.margin_m or right.left_m > settings.margin_m:
                 continue
             if left.left_m - right.left_m < 2 * settings.margin_m:
                 continue
-            weights = [(left, right, _weight(profile, left, right, settings, height, on_left))]
-            if left.kind == right.kind == BoundaryKind.STEP:
-                weights += _halves(profile, left, right, settings, height, on_left)
-            for one, other, weight in weights:
+            ends = _end(profile, left, 1, settings) * _end(profile, right, -1, settings)
+            of_lane = _lane_width(left, right, settings, height, ends)
+            of_road = ends * _road_width(left, right, settings, height)
+            both_ways, one_way = float(belief @ of_road), float(belief @ of_lane)
+            one_lane = 1 - ends * both_ways / (ends * one_way + both_ways) if both_ways else 1.0
+            weight = of_lane * _weight(profile, left, right, settings, height, on_left)
+            weights = [(left, right, weight, one_lane)]
+            if both_ways:
+                halves = _halves(profile, left, right, settings, height, on_left)
+                weights += [(one, other, of_road * weight, 1.0) for one, other, weight in halves]
+            for one, other, weight, single in weights:
                 if (total := float(belief @ weight)) > 0:
-                    weighted.append((one, other, total, float((belief * weight) @ height) / total))
+                    mean = float((belief * weight) @ height) / total
+                    weighted.append(Pair(one, other, total, mean, single))
     none = settings.none
     if before:
         none = none**settings.evidence_of_frame * (
             1 - sum(one.probability for one in before) + settings.forget
         )
         weighted = [
-            (left, right, total**settings.evidence_of_frame * _was(left, right, before, settings), mean)
-            for left, right, total, mean in weighted
+            replace(
+                one,
+                probability=one.probability**settings.evidence_of_frame
+                * _was(one.left, one.right, before, settings),
+            )
+            for one in weighted
         ]
-    everything = none + sum(one[2] for one in weighted)
-    chosen = [Pair(left, right, total / everything, mean) for left, right, total, mean in weighted]
+    everything = none + sum(one.probability for one in weighted)
+    chosen = [replace(one, probability=one.probability / everything) for one in weighted]
     return sorted(chosen, key=lambda one: -one.probability)
 
 
 def _weight(
     profile: Profile, left: Boundary, right: Boundary, settings: PairSettings, height: Array, on_left: float
 ) -> Array:
-    """Weight of a pair at each height."""
-    width_m = (left.left_m - right.left_m) * height
+    """Weight of a pair at each height, without that of its width."""
     offset_m = -(left.left_m + right.left_m) / 2 * height
-    lines = (left.kind == BoundaryKind.LINE) + (right.kind == BoundaryKind.LINE)
-    if lines == 0:
-        middle_m, sigma_m = settings.road_width_m, settings.road_width_sigma_m
-    else:
-        middle_m = settings.width_m
-        sigma_m = settings.width_sigma_m if lines == 2 else settings.kerb_width_sigma_m
-    weight = np.exp(-0.5 * ((width_m - middle_m) / sigma_m) ** 2) / sigma_m
-    weight *= np.exp(-0.5 * (offset_m / settings.offset_sigma_m) ** 2)
-    return (
-        weight
+    of_place = np.exp(-0.5 * (offset_m / settings.offset_sigma_m) ** 2)
+    return np.asarray(
+        of_place
         * left.probability
         * right.probability
         * _plain(profile, left, right, settings)
@@ -169,15 +177,51 @@ def _weight(
     )
 
 
+def _lane_width(left: Boundary, right: Boundary, settings: PairSettings, height: Array, ends: float) -> Array:
+    """Density of the width as that of one lane, at each height, up to 1/√(2π).
+
+    Between ``ends`` of the road, a probability, lines are as often kerbs, whose distance varies more.
+    """
+    lines = (left.kind == BoundaryKind.LINE) + (right.kind == BoundaryKind.LINE)
+    of_road = _density(left, right, height, settings.road_width_m, settings.road_width_sigma_m)
+    if not lines:
+        return of_road
+    sigma_m = settings.width_sigma_m if lines == 2 else settings.kerb_width_sigma_m
+    of_lane = _density(left, right, height, settings.width_m, sigma_m)
+    return np.asarray(of_lane + ends / 2 * (of_road - of_lane))
+
+
+def _road_width(left: Boundary, right: Boundary, settings: PairSettings, height: Array) -> Array:
+    """Density of the width as that of a road for both ways, at each height, up to 1/√(2π)."""
+    return _density(left, right, height, settings.both_ways_m, settings.both_ways_sigma_m)
+
+
+def _density(left: Boundary, right: Boundary, height: Array, middle_m: float, sigma_m: float) -> Array:
+    """N(width; middle, σ²) at each height, up to 1/√(2π)."""
+    width_m = (left.left_m - right.left_m) * height
+    return np.asarray(np.exp(-0.5 * ((width_m - middle_m) / sigma_m) ** 2) / sigma_m)
+
+
+def _end(profile: Profile, boundary: Boundary, side: int, settings: PairSettings) -> float:
+    """Probability that the road ends at its left (``side`` 1) or right (−1) ``boundary``.
+
+    Of a line it rises from 0 to 1 with the share s of another surface right beyond, 2·s − 1: vehicles hide less
+    than half of an oncoming lane, and at the line of a cycle lane the road does not end. What is not seen is road.
+    """
+    if boundary.kind == BoundaryKind.STEP:
+        return 1.0
+    beyond_m = side * (profile.left_m - boundary.left_m)
+    beside = (beyond_m > settings.apart_m) & (beyond_m < 3 * settings.apart_m)
+    return max(0.0, 2 * float((profile.other * profile.seen)[beside].mean()) - 1) if beside.any() else 0.0
+
+
 def _halves(
     profile: Profile, left: Boundary, right: Boundary, settings: PairSettings, height: Array, on_left: float
 ) -> list[tuple[Boundary, Boundary, Array]]:
-    """The halves of a road for both ways between two steps, each with its weight at each height.
+    """The halves of a road for both ways between two ends, each with its weight, without that of the width.
 
     The car is in its half. A half is the lane with the probability of traffic on its side.
     """
-    width_m = (left.left_m - right.left_m) * height
-    of_width = np.exp(-0.5 * ((width_m - settings.both_ways_m) / settings.both_ways_sigma_m) ** 2)
     both = left.probability * right.probability * _plain(profile, left, right, settings)
     middle = Boundary((left.left_m + right.left_m) / 2, BoundaryKind.MIDDLE, 0.0, both)
     found = []
@@ -186,7 +230,7 @@ def _halves(
             continue
         offset_m = -(one.left_m + other.left_m) / 2 * height
         of_place = np.exp(-0.5 * (offset_m / settings.offset_sigma_m) ** 2)
-        found.append((one, other, share * both * of_width * of_place / settings.both_ways_sigma_m))
+        found.append((one, other, share * both * of_place))
     return found
 
 

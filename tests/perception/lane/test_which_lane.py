@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bonnet_rig import with_bonnet
-from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
+from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, WHITE, road
 
 from perception.camera.lower_end import LOOKS
 from perception.camera.odometry import StateOdometry
@@ -188,6 +188,15 @@ def test_a_small_car_with_an_assumed_camera_has_a_lane_of_its_own_size(scale):
     built = build_beside(["cv"], camera, vehicle, assumed=True, odometry=StateOdometry.NONE)
     seen = built["cv"].step(Frame(t_s=0.0, image=image), None, now_s=0.0)
     assert seen.lane_width_m == pytest.approx(3.3 * scale, rel=0.15)
+
+
+@pytest.mark.parametrize("paint", [None, WHITE])
+@pytest.mark.parametrize("name", ["cv", "cnn"])
+def test_in_the_middle_of_a_road_for_both_ways_without_a_line_there_no_estimator_is_sure(name, paint):
+    lane = (0.0, 0.0, 0.0, 0.0)
+    image = road(lane, width_m=6.2, left=paint, right=paint, verge_m=0.0, camera=DASHCAM)
+    chosen = build_beside([name], assumed_camera(image), VEHICLE, assumed=True, odometry=StateOdometry.NONE)
+    assert estimate_by(chosen[name], image).confidence < 0.5
 
 
 def test_an_image_with_one_channel_is_a_grey_one():

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
+from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, WHITE, road
 from segment_rig import segmenter, write_network
 
 from perception.estimators import entry_of, lane_cv_settings
@@ -100,6 +100,18 @@ def test_without_a_camera_file_the_lines_of_the_masks_give_the_horizon(
     assert seen.lanes_detected == 2 and seen.confidence > 0.5
     left, right = (np.array(path) for path in (seen.left_boundary_px, seen.right_boundary_px))
     assert left[0, 0] < camera.width_px / 2 < right[0, 0]
+
+
+@pytest.mark.parametrize("paint", [None, WHITE])
+def test_in_the_middle_of_a_road_for_both_ways_without_a_line_there_masks_are_not_sure(
+    paint: tuple[int, int, int] | None, tmp_path: Path
+) -> None:
+    camera = CAMERA.model_copy(
+        update={"fx_px": 288.0, "fy_px": 288.0, "height_m": 1.3, "pitch_down_rad": 0.0}
+    )
+    image = road((0.0, 0.0, 0.0, 0.0), width_m=6.2, left=paint, right=paint, verge_m=0.0, camera=camera)
+    finder = LaneOfPictures(lane_settings(SETTINGS, segment_settings()), VEHICLE)
+    assert look(Segments(segmenter(tmp_path), finder, lookahead_m=LOOKAHEAD_M), image).confidence < 0.5
 
 
 def test_a_faint_line_in_its_middle_makes_a_lane_improbable_in_masks_more_than_in_camera_images() -> None:

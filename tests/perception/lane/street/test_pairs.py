@@ -2,6 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from perception.estimators import lane_cv_settings
 from perception.lane.street.pairs import BoundaryKind, boundaries, kerb_side, pairs
@@ -88,6 +90,36 @@ def test_in_the_middle_of_a_road_for_both_ways_neither_half_is_probable_while_th
 def test_a_road_as_wide_as_one_lane_is_not_halved():
     best = rank_pairs(street(kerbs=(1.9, -1.9)))[0]
     assert BoundaryKind.MIDDLE not in (best.left.kind, best.right.kind)
+
+
+@pytest.mark.parametrize("on_left", [0.0, 1.0])
+def test_lines_at_the_ends_of_a_road_for_both_ways_enclose_its_halves_as_kerbs_do(on_left):
+    car_m = 1.5 if on_left else -1.5
+    ends = (3.1 - car_m, -3.1 - car_m)
+    best = rank_pairs(street([(end, 0.8) for end in ends], road_m=ends), on_left=on_left)[0]
+    kinds = [BoundaryKind.LINE, BoundaryKind.MIDDLE]
+    assert [best.left.kind, best.right.kind] == (kinds if on_left else kinds[::-1])
+    assert best.width_m == pytest.approx(3.1, abs=0.06) and best.probability > 0.5
+
+
+def test_lines_with_road_beyond_enclose_no_halves():
+    found = rank_pairs(street([(3.1, 0.8), (-3.1, 0.8)]))
+    assert [(one.left.kind, one.right.kind) for one in found] == [(BoundaryKind.LINE, BoundaryKind.LINE)]
+    assert found[0].one_lane == 1.0
+
+
+@given(width_m=st.floats(2.8, 6.5), offset_m=st.floats(-1.2, 1.2), kerbs=st.booleans())
+def test_whether_a_road_is_one_lane_follows_from_its_width_wherever_the_car_stands(width_m, offset_m, kerbs):
+    def one_lane(between_m, aside_m):
+        ends = (between_m / 2 - aside_m, -between_m / 2 - aside_m)
+        profile = street(kerbs=ends) if kerbs else street([(end, 0.8) for end in ends], road_m=ends)
+        kind = BoundaryKind.STEP if kerbs else BoundaryKind.LINE
+        (whole,) = (one for one in rank_pairs(profile) if {one.left.kind, one.right.kind} == {kind})
+        return whole.one_lane
+
+    assert one_lane(width_m, offset_m) == pytest.approx(one_lane(width_m, 0.0), abs=0.12)  # places of 0.1 m
+    assert one_lane(width_m + 0.5, 0.0) < one_lane(width_m, 0.0)
+    assert one_lane(6.0, offset_m) < 0.3 and one_lane(3.2, offset_m) > 0.85
 
 
 def test_the_half_of_a_road_says_nothing_of_the_side_of_the_traffic():
