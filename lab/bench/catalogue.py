@@ -214,6 +214,12 @@ BENCHMARKS = {
         pictured=False,
         continued=True,
     ),
+    "study-conditions": Benchmark(
+        "study.conditions",
+        "autonomy by light, weather, road and speed: vision alone, a network alone, both under fear; what failed",
+        pictured=False,
+        continued=True,
+    ),
     "study-weights": Benchmark(
         "study.weights",
         "the weights of a small network by populations, by gradients, by both, with its units: equal evaluations",

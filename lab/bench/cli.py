@@ -63,7 +63,7 @@ def bench(
         bool,
         typer.Option(
             help="perception, real, imitation, fear-severity, sight, people, tracks, tiles, hills, junctions:"
-            " a part of it; fear-supervision: the supervised car alone."
+            " a part of it; fear-supervision: the supervised car alone; study-conditions: one seed."
         ),
     ] = False,
     repeats: Annotated[
@@ -75,7 +75,8 @@ def bench(
             min=1,
             help="perception, imitation, fear-severity, sight, within-sight, people, tracks, tiles, hills, "
             "junctions, "
-            "measured-faults, study-samplers, study-areas, study-shrinking, suite: processes; faults: drives; "
+            "measured-faults, study-samplers, study-areas, study-shrinking, study-conditions, "
+            "suite: processes; faults: drives; "
             "default: 1, suite 2.",
         ),
     ] = None,
