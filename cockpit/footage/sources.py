@@ -13,7 +13,14 @@ import numpy as np
 
 from trepid.config import InputError
 from trepid.images.containers import loss_of
-from trepid.images.files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
+from trepid.images.files import (
+    HEIC,
+    IMAGE_SUFFIXES,
+    NOMINAL_FPS,
+    VIDEO_SUFFIXES,
+    images_in,
+    read_image,
+)
 from trepid.images.video import spread_images, video_frames, video_rate_hz
 from trepid.recording.images import RecordedImages, decode_image, recorded_car, recorded_images
 from trepid.recording.reader import RecordingContent, read_head
@@ -231,6 +238,8 @@ def sources(path: Path, *, drive_fps: float | None = None) -> list[Source]:
         return [Still(path)]
     if suffix == RECORDING_SUFFIX:
         return [_footage(path)]
+    if suffix in (".heic", ".heif"):
+        raise InputError(f"{path}: {HEIC}")
     known = " ".join(sorted(IMAGE_SUFFIXES | FILM_SUFFIXES))
     raise InputError(f"{path}: unknown kind of file; known: {known}")
 

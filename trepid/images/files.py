@@ -19,6 +19,7 @@ VIDEO_SUFFIXES = frozenset(
         ".gif",  # animated; a single picture is a film of one frame
     }
 )
+HEIC = "is a HEIC photograph, which is not decoded here: `heif-convert IN.heic OUT.jpg` makes a JPEG of it"
 NOMINAL_FPS = 25.0  # for videos without a frame rate
 _MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
 """A marker of a JPEG; within a scan, data and restart marks are none."""
@@ -65,7 +66,9 @@ def read_image(path: Path) -> Image:
             refuse_packed(data)
         except UndecodableText as error:
             raise InputError(f"{path}: {error.problem}") from error
-        raise InputError(f"{path}: not an image that can be decoded")
+        raise InputError(
+            f"{path}: {HEIC if data[4:12] == b'ftypheic' else 'not an image that can be decoded'}"
+        )
     return image
 
 

@@ -92,6 +92,14 @@ def test_an_image_of_too_many_pixels_is_refused_in_one_line(tmp_path: Path) -> N
         read_image(path)
 
 
+@pytest.mark.parametrize("name", ["photo.heic", "renamed.jpg"])
+def test_a_heic_photograph_is_refused_with_the_command_that_converts_it(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic")
+    with pytest.raises(InputError, match=r"is a HEIC photograph[^\n]*heif-convert[^\n]*$"):
+        read_image(path)
+
+
 @pytest.mark.parametrize("big_endian", [False, True])
 @pytest.mark.parametrize("orientation", range(10))
 def test_a_jpeg_is_upright_as_stored_where_its_exif_turns_nothing(orientation: int, big_endian: bool) -> None:
