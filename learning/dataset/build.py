@@ -209,7 +209,7 @@ def _check_splits(rule: Split, rows: Rows) -> None:
                 causes.append(f"{still} pictures are as the one before: the camera hung, or the car stood")
             back = (np.diff(rows["t_s"]) < 0) & (rows["route"][1:] == rows["route"][:-1])
             if back.any():
-                causes.append(f"time runs back {back.sum()} times: sort the log by time")
+                causes.append(f"time runs back ({back.sum()} ×): sort the log by time")
             gap = f"with a gap of {rule.gap_s:g} s (--gap-s)"
             if GAP in reasons:
                 causes.append("a longer drive, or a smaller gap, leaves some")
@@ -243,7 +243,7 @@ def _name_steps_back(log: Log, faults: Faults) -> None:
     rows = [np.flatnonzero(route == name) for name in np.unique(route)]
     back = np.sort(np.concatenate([mine[1:][np.diff(log.t_s[mine]) < 0] for mine in rows]))
     if len(back):
-        more = f", and {len(back) - 1} times more" if len(back) > 1 else ""
+        more = f", and {len(back) - 1} × more" if len(back) > 1 else ""
         what = "a clock that was set, or rows in another order"
         faults(
             f"{log.place(int(back[0]))}: time runs back{more}: {what}",

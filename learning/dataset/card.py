@@ -187,7 +187,7 @@ def _findings(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[dict
     if card["rate_hz"] and card["rate_hz"] > HIGHEST_HZ:
         found.append((f"{card['rate_hz']:.0f} frames a second", "check the unit of the times"))
     if card["time_runs_back"]:
-        found.append((f"time runs back {card['time_runs_back']} times", "sort the log by time"))
+        found.append((f"time runs back ({card['time_runs_back']} ×)", "sort the log by time"))
     if card["frozen"]:
         seconds = sum(piece["duration_s"] for piece in card["frozen"])
         found.append(

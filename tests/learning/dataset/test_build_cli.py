@@ -66,7 +66,7 @@ def test_time_that_runs_back_in_a_drive_is_named_and_counted(
         record["_timestamp_ms"] -= 3000 * (number >= 250) + 5000 * (number >= 300)
     catalog.write_text("\n".join(map(json.dumps, records)))
     made_dataset(tmp_path / "set", tub, code=1)
-    said = "catalog_0.catalog:251: time runs back, and 1 times more: a clock that was set, or rows in another"
+    said = "catalog_0.catalog:251: time runs back, and 1 × more: a clock that was set, or rows in another"
     assert said in capsys.readouterr().err
     assert said in refusal(capsys, tmp_path / "strict", tub, "--strict")
 
