@@ -46,7 +46,8 @@ def bench_sweep(cases: int = CASES, case_s: float = CASE_S, sums: int = SUMS) ->
     """Two jobs and one on the same cases in turn, start of the workers included.
 
     ``speed_up`` is of wall-clock time and requires two free cores; ``speed_up_by_cpu`` is twice the ratio of the
-    processor times, which depends less on other work on the machine. The peer measures the limit of the machine:
+    processor times, which depends less on other work on the machine. ``cases_per_core_hour`` is of the processor
+    time of one job. The peer measures the limit of the machine:
     independent processes that only add numbers.
     """
     planned = plan(by_seeds([_moving("s_curve", case_s)], range(cases)))
@@ -62,7 +63,8 @@ def bench_sweep(cases: int = CASES, case_s: float = CASE_S, sums: int = SUMS) ->
         bare.take(jobs, partial(_add_numbers, sums))
     return {
         "cases": f"{cases} of {case_s:g} s, {ROUNDS} times",
-        **sweep.result(),
+        **(times := sweep.result()),
+        "cases_per_core_hour": round(3600 * cases * ROUNDS / times["one_job_cpu_s"]),
         **{f"bare_processes_{name}": value for name, value in bare.result().items()},
         "same_rows": len(hashes) == 1,
     }

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable
+from statistics import fmean
 
 from drive.course import NOT_DRIVEN, PASSED, why_not_driven
 from sim_harness.sweep.outcome import Outcome, is_complete
@@ -21,6 +22,7 @@ class Display(Watch):
         self._as_json = as_json
         self._store: PlanStore | None = None
         self._total, self._done, self._failed = 0, 0, 0
+        self._computing_s: list[float] = []  # of each case that was driven, with a core of its own
         self._ordered = InPlanOrder({})
 
     @property
@@ -41,6 +43,8 @@ class Display(Watch):
         """Print an outcome, and those that waited for it."""
         self._done += 1
         self._failed += outcome.row["status"] != PASSED
+        if outcome.row.get("realtime_factor"):
+            self._computing_s.append(outcome.row["duration_s"] / outcome.row["realtime_factor"])
         self._print_rows(self._ordered.add(key, outcome))
         if self._store is None or key not in self._store.done:
             line = f"[{self._done}/{self._total}] {one_line(outcome.row)}"
@@ -60,7 +64,8 @@ class Display(Watch):
             place = stored or "not stored (--out stores them)"
             _note(f"{problem}{self._done} of {self._total} cases are done, {place}")
         elif self._total > 1:
-            _note(f"{self._done} cases: {self._done - self._failed} passed, {self._failed} failed")
+            rate = f"; {3600 / fmean(self._computing_s):.0f} cases per core-hour" if self._computing_s else ""
+            _note(f"{self._done} cases: {self._done - self._failed} passed, {self._failed} failed{rate}")
         return 1 if self._failed else 0
 
     def _print_rows(self, outcomes: Iterable[tuple[str, Outcome]]) -> None:
