@@ -102,24 +102,38 @@ def test_every_package_carries_the_mark_that_its_types_are_to_be_read() -> None:
     assert [name for name in PACKAGES if not (ROOT / name / "py.typed").is_file()] == []
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
-def test_a_notebook_is_small_and_stored_without_outputs(path: Path) -> None:
+def code_cells(path: Path) -> list[dict[str, Any]]:
     notebook = json.loads(path.read_text(encoding="utf-8"))
-    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    assert notebook["nbformat"] == 4 and path.stat().st_size < 100_000
-    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
+    assert notebook["nbformat"] == 4
+    return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
+def test_a_notebook_is_small_and_stored_with_the_outputs_of_one_run_from_top_to_bottom(path: Path) -> None:
+    cells = code_cells(path)
+    assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
+    assert all(cell["outputs"] for cell in cells) and path.stat().st_size < 200_000
+    kinds = {output["output_type"] for cell in cells for output in cell["outputs"]}
+    assert kinds <= {"stream", "execute_result", "display_data"}  # no error
+
+
+def first_form(text: str) -> str:
+    """The first line that is printed, with 0 for every number and w for every word."""
+    return re.sub(r"[A-Za-z_]+", "w", re.sub(r"-?\d+(\.\d+)?", "0", text.partition("\n")[0]))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
-def test_every_cell_of_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_cell_of_a_notebook_runs_and_prints_in_the_form_of_its_stored_output(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     shared: dict[str, Any] = {"__name__": "__main__"}
-    for number, cell in enumerate(cells):
-        if cell["cell_type"] == "code":
-            exec(compile("".join(cell["source"]), f"{path.name}[{number}]", "exec"), shared)
+    for number, cell in enumerate(code_cells(path)):
+        exec(compile("".join(cell["source"]), f"{path.name}[{number}]", "exec"), shared)
+        stored = "".join(line for one in cell["outputs"] for line in one.get("text", ()))
+        assert first_form(capsys.readouterr().out) == first_form(stored), number
     assert NOTEBOOKS
 
 
