@@ -220,6 +220,11 @@ BENCHMARKS = {
         pictured=False,
         continued=True,
     ),
+    "study-rules": Benchmark(
+        "study.rules",
+        "the papers' printed steering rules on the same lines: ranked by their angle and alone in closed loop",
+        continued=True,
+    ),
     "study-weights": Benchmark(
         "study.weights",
         "the weights of a small network by populations, by gradients, by both, with its units: equal evaluations",

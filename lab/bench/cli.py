@@ -62,8 +62,8 @@ def bench(
     quick: Annotated[
         bool,
         typer.Option(
-            help="perception, real, imitation, fear-severity, sight, people, tracks, tiles, hills, junctions:"
-            " a part of it; fear-supervision: the supervised car alone; study-conditions: one seed."
+            help="perception, real, imitation, fear-severity, sight, people, tracks, tiles, hills, junctions,"
+            " study-rules: a part of it; fear-supervision: the supervised car alone; study-conditions: one seed."
         ),
     ] = False,
     repeats: Annotated[
@@ -75,9 +75,8 @@ def bench(
             min=1,
             help="perception, imitation, fear-severity, sight, within-sight, people, tracks, tiles, hills, "
             "junctions, "
-            "measured-faults, study-samplers, study-areas, study-shrinking, study-conditions, "
-            "suite: processes; faults: drives; "
-            "default: 1, suite 2.",
+            "measured-faults, study-samplers, study-areas, study-shrinking, study-conditions, study-rules, "
+            "suite: processes; faults: drives; default: 1, suite 2.",
         ),
     ] = None,
     keep_frames: Annotated[
@@ -105,6 +104,7 @@ def bench(
             min=1,
             help="faults, logbook, people: number of each, default 100; live: of scenarios, default 20; "
             "fear-severity: of roads, default 2; hills: of stops and of roads; junctions: of drives; "
+            "study-rules: of seeds, default 5; "
             "within-sight: of rendered cases, default 300.",
         ),
     ] = None,

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drive.tally import INTERVENTION_S
 from lab.bench.perception import bench, drive
 from lab.bench.perception.bench import bench_perception, watch_clips
 from lab.bench.perception.clips import CLEAR, GAP, GRADES, ClipCase, ClipFrame, harness_set, moments
@@ -326,7 +327,7 @@ def test_an_estimator_that_never_steers_keeps_its_offset_on_a_straight(
 
 def test_autonomy_takes_six_seconds_for_each_intervention() -> None:
     rows = [{"interventions": n, "square_m2": 0.0, "blind": 0.0} for n in (0, 1, 50)]
-    lost = 100 * drive.RECENTRING_S / drive.DURATION_S
+    lost = 100 * INTERVENTION_S / drive.DURATION_S
     assert drive._total(rows)["autonomy_pct"] == pytest.approx((100 + (100 - lost) + 0) / 3)
 
 
