@@ -1,6 +1,7 @@
 """The outcome of one case, in any process."""
 
 import ctypes
+import time
 import traceback
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -28,6 +29,7 @@ class Outcome:
     row: Row
     detail: Detail | None = None  # None: not requested, or no result
     code: str  # fingerprint of the process that ran it
+    core_s: float | None = None  # processor time of the process [s]; None: stored before, or crashed
 
 
 def execute(case: Case, *, detailed: bool = False) -> Outcome:
@@ -50,13 +52,15 @@ def execute(case: Case, *, detailed: bool = False) -> Outcome:
 
 def perform(case: Case, *, detailed: bool = False, witness: Witness | None = None) -> tuple[Result, Outcome]:
     """Run a case; ``detailed`` also for a report. Raises what the run raises."""
-    detail = None
+    detail, before_s = None, time.process_time()
     if detailed:
         result, film = run_filmed(case.scenario, seed=case.seed, witness=witness)
         detail = summarise(case.scenario, result, film)
     else:
         result = run(case.scenario, seed=case.seed, witness=witness)
-    return result, Outcome(row=with_parameters(case, result.row()), detail=detail, code=fingerprint())
+    core_s = time.process_time() - before_s
+    row = with_parameters(case, result.row())
+    return result, Outcome(row=row, detail=detail, code=fingerprint(), core_s=core_s)
 
 
 def crash_outcome(case: Case, reason: str) -> Outcome:

@@ -22,7 +22,7 @@ class Display(Watch):
         self._as_json = as_json
         self._store: PlanStore | None = None
         self._total, self._done, self._failed = 0, 0, 0
-        self._computing_s: list[float] = []  # of each case that was driven, with a core of its own
+        self._cores_s: list[float] = []  # of the cases that ran to their end
         self._ordered = InPlanOrder({})
 
     @property
@@ -43,8 +43,8 @@ class Display(Watch):
         """Print an outcome, and those that waited for it."""
         self._done += 1
         self._failed += outcome.row["status"] != PASSED
-        if outcome.row.get("realtime_factor"):
-            self._computing_s.append(outcome.row["duration_s"] / outcome.row["realtime_factor"])
+        if outcome.core_s:
+            self._cores_s.append(outcome.core_s)
         self._print_rows(self._ordered.add(key, outcome))
         if self._store is None or key not in self._store.done:
             line = f"[{self._done}/{self._total}] {one_line(outcome.row)}"
@@ -64,7 +64,7 @@ class Display(Watch):
             place = stored or "not stored (--out stores them)"
             _note(f"{problem}{self._done} of {self._total} cases are done, {place}")
         elif self._total > 1:
-            rate = f"; {3600 / fmean(self._computing_s):.0f} cases per core-hour" if self._computing_s else ""
+            rate = f"; {3600 / fmean(self._cores_s):.0f} cases per core-hour" if self._cores_s else ""
             _note(f"{self._done} cases: {self._done - self._failed} passed, {self._failed} failed{rate}")
         return 1 if self._failed else 0
 
