@@ -19,7 +19,7 @@ def test_a_log_of_speed_and_yaw_rate_measures_an_unknown_camera(tmp_path, capsys
     assert drive.camera.height_m > 1.5
     rows = ["t_s,speed_mps,yaw_rate_radps"]
     for number, one in enumerate(drive.moments()):
-        cv2.imwrite(str(tmp_path / f"{number}.png"), one.image)
+        cv2.imwrite(str(tmp_path / f"{number}.bmp"), one.image)
         rows.append(f"{one.t_s},{one.speed_mps},{one.yaw_rate_radps}")
     log = tmp_path / "log.csv"
     log.write_text("\n".join(rows) + "\n")

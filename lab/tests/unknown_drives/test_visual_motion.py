@@ -20,7 +20,7 @@ def test_the_speed_of_a_rendered_drive_is_measured(number):
 
 def test_the_speed_has_the_scale_of_the_height():
     drive = unknown_drive(5, 0)
-    moments = list(islice(drive.moments(), 20))
+    moments = list(islice(drive.moments(), 6))
     images, t_s = [one.image for one in moments], np.array([one.t_s for one in moments])
     low = drive.camera.model_copy(update={"height_m": drive.camera.height_m / 10})
     assert speed_mps(images, t_s, low) == pytest.approx(speed_mps(images, t_s, drive.camera) / 10, rel=1e-6)

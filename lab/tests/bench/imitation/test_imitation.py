@@ -1,5 +1,7 @@
 """`bench imitation` on a made-up drive and on short simulated ones, and its verdicts on known rows."""
 
+from collections.abc import Callable
+
 import pytest
 
 pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
@@ -19,6 +21,7 @@ from lab.bench.imitation.verdict import (
     judge_simulation,
     verdicts,
 )
+from sim_harness.scenarios.scenario import Scenario
 from trepid.config import InputError
 
 BLIND = {"always_straight": {"mae_deg": 5.0}, "mean": {"mae_deg": 4.0}}
@@ -55,6 +58,11 @@ def test_a_drive_is_learned_once_and_its_rows_are_used_again(drive, monkeypatch)
     assert bench_imitation(seed=1, quick=True, data=drive, sets=SETS) == found
 
 
+def on_a_short_way(load: Callable[..., Scenario]) -> Callable[..., Scenario]:
+    """``load``, whose last argument is the changes of a scenario, with 60 m to drive."""
+    return lambda *words: load(*words[:-1], {**words[-1], "distance_m": "60", "duration_s": "12"})
+
+
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the ONNX export in torch
 def test_networks_learn_from_random_roads_and_drive_on_others(tmp_path, monkeypatch):
@@ -63,6 +71,8 @@ def test_networks_learn_from_random_roads_and_drive_on_others(tmp_path, monkeypa
     monkeypatch.setattr(harness, "NETWORKS", {name: {} for name in (harness.DRIVER, "steer-lstm")})
     monkeypatch.setattr(harness, "QUICK_ROADS", 3)
     monkeypatch.setattr(harness, "QUICK_SCENARIOS", ("unmarked_bend",))
+    for load in ("load_scenario", "scenario_for"):  # into the bend, not to the end of the road
+        monkeypatch.setattr(harness, load, on_a_short_way(getattr(harness, load)))
     found = bench_imitation(seed=1, quick=True, sets=(module.HARNESS,))
     row = found["unseen roads"][harness.DRIVER]
     assert row["frames"] > 50 and 0 < row["mae_deg"] < 90 and row["weights"] < 300_000

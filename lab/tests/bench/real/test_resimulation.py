@@ -43,9 +43,9 @@ def pictures(pause_s: float = 0.0, *, count: int = 160, speed_mps: float | None 
 
 
 def test_a_pause_ends_a_stretch_and_the_longer_part_counts():
-    (stretch,) = stretches_of("set", iter(pictures(3.0)))
+    (stretch,) = stretches_of("set", iter(pictures(3.0, speed_mps=9.0)))
     assert len(stretch.drive.frames) == 140 and stretch.drive.t_s[0] == 0.0
-    assert list(stretches_of("set", iter(pictures(3.0, count=120)))) == []  # 5 s
+    assert list(stretches_of("set", iter(pictures(3.0, count=120, speed_mps=9.0)))) == []  # 5 s
 
 
 def test_the_speed_is_that_of_the_log_or_of_the_ground():
@@ -70,7 +70,7 @@ def test_without_steering_the_path_is_that_of_the_images():
 
 
 def test_the_scores_are_means_over_runs_and_sums_of_interventions():
-    (stretch,) = with_paths(list(stretches_of("set", iter(pictures(speed_mps=10.4)))))
+    (stretch,) = with_paths(list(stretches_of("set", iter(pictures(count=125, speed_mps=10.4)))))
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     runs = [resimulate(stretch.drive, vehicle, start=PoseChange(left_m=left_m)) for left_m in (0.0, 0.5)]
     found = scores([stretch], runs)
