@@ -107,9 +107,11 @@ def _imports(path: Path) -> tuple[str, ...]:
 
 
 def _running(tree: ast.AST) -> Iterator[ast.AST]:
-    """The nodes of ``tree`` but those under ``if TYPE_CHECKING``."""
+    """The statements of ``tree`` but those under ``if TYPE_CHECKING``; expressions import nothing."""
     yield tree
     for child in ast.iter_child_nodes(tree):
+        if isinstance(child, ast.expr):
+            continue
         if (
             isinstance(child, ast.If)
             and isinstance(child.test, ast.Name)
