@@ -50,7 +50,7 @@ endef
 # Keep byte code, also where the environment says otherwise: the tests start Python hundreds of times.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup drive test inputs long live suite wheel docs lock release proof mutation lint train acados clean
+.PHONY: help setup drive test inputs long live suite wheel pythons docs lock release proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
@@ -60,6 +60,7 @@ help:
 	@echo "make live    every process of a live drive killed, frozen or left alone: the tests of this kind that make test omits"
 	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
 	@echo "make wheel   build wheel and sdist, install them, and use them from an empty folder"
+	@echo "make pythons the wheel in an empty environment of each Python here, with the libraries of the package index"
 	@echo "make docs    build the documentation site in out/site, with a check of its links"
 	@echo "make lock    write requirements.lock from pyproject.toml and constraints.txt (needs uv)"
 	@echo "make release check, build and tag the version of pyproject.toml; nothing is pushed"
@@ -123,6 +124,10 @@ suite: $(TESTED)
 wheel: $(TESTED)
 	@echo "== pytest -m wheel"
 	@$(BIN)/python -m pytest -m wheel tests/test_wheel.py $(ARGS)
+
+pythons: $(TESTED)
+	@echo "== pytest -m proof, the Pythons of this machine"
+	@$(BIN)/python -m pytest -m proof -rPs tests/test_wheel_versions.py $(ARGS)
 
 docs: $(TESTED)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
