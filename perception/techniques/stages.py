@@ -27,8 +27,15 @@ from typing import Any
 
 from perception.techniques.boundaries import arcs, curves, lines, orientation, outliers, ransac
 from perception.techniques.image import ants, colour, edges, light, region, shadow, stripes, surface, warp
-from perception.techniques.steering import abdelrahman, centre_line, lane, sujatha, umamaheswari
-from perception.techniques.tracking import kalman, sampled
+from perception.techniques.steering import (
+    abdelrahman,
+    centre_line,
+    kalman,
+    lane,
+    sampled,
+    sujatha,
+    umamaheswari,
+)
 
 KINDS: dict[str, dict[str, Callable[..., Any]]] = {
     "prepare": {

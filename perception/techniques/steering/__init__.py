@@ -1,1 +1,1 @@
-"""Stages that turn boundaries into a lane state or a steering angle: the printed steering rules."""
+"""Stages that turn boundaries into a lane state, follow it from frame to frame, or steer by a printed rule."""

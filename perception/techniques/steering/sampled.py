@@ -8,7 +8,7 @@ from pydantic import Field
 from scipy.ndimage import gaussian_filter
 
 from perception.techniques.image.picture import Boundaries, FrameMotion
-from perception.techniques.tracking.model import (
+from perception.techniques.steering.tracking import (
     KAPPA,
     MEASURED,
     NOISE,

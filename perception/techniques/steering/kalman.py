@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.techniques.image.picture import Boundaries, FrameMotion
 from perception.techniques.steering.lane import ground_curve
-from perception.techniques.tracking.model import (
+from perception.techniques.steering.tracking import (
     MEASURED,
     WIDTH,
     TrackState,

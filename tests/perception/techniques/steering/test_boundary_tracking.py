@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.techniques.image.picture import Boundaries, FrameMotion
+from perception.techniques.steering.kalman import ExtendedKalman, Kalman, UnscentedKalman, nis, spread, update
 from perception.techniques.steering.lane import draw_boundaries, ground_curve
-from perception.techniques.tracking.kalman import ExtendedKalman, Kalman, UnscentedKalman, nis, spread, update
-from perception.techniques.tracking.model import (
+from perception.techniques.steering.sampled import Bayes, Particles, resample_indices
+from perception.techniques.steering.tracking import (
     E,
     Samples,
     expected_offsets,
@@ -21,7 +22,6 @@ from perception.techniques.tracking.model import (
     process_noise,
     transition,
 )
-from perception.techniques.tracking.sampled import Bayes, Particles, resample_indices
 from trepid.clothoid import Lane
 
 TRACKERS = {
