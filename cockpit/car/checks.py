@@ -1,11 +1,21 @@
-"""Checks of the software and the settings of a car: packages, files, models, endpoint."""
+"""Checks of the software and the settings of a car: packages, files, models, endpoint; and what a check finds."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
-from cockpit.car.finding import Finding
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, read
 from trepid.packages import PACKAGES, check_packages
 from trepid.plugins import Group, added_entry_points, package_of
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """The result of one check, and the remedy of a fault."""
+
+    check: str
+    ok: bool
+    message: str
+    remedy: str = ""  # of a failed check, or advice
 
 
 def packages() -> Finding:

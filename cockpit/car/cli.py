@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from cockpit.car import checks, devices, machine
-from cockpit.car.finding import Finding
+from cockpit.car.checks import Finding
 from trepid.options import Car
 
 CHECKS: tuple[Callable[[], Finding], ...] = (

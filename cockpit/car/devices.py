@@ -3,7 +3,7 @@
 import time
 from typing import TYPE_CHECKING
 
-from cockpit.car.finding import Finding
+from cockpit.car.checks import Finding
 from trepid import plugins
 from trepid.car.vehicle import Vehicle
 from trepid.clock import epoch_clock, epoch_offset_ns

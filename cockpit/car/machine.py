@@ -12,7 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from cockpit.car.finding import Finding
+from cockpit.car.checks import Finding
 from trepid.config import InputError
 from trepid.processes.realtime import OPTION
 from trepid.processes.settings import load_processes

@@ -15,7 +15,7 @@ from driving_network_rig import write_network
 
 from cockpit.car import checks, devices, machine
 from cockpit.car import cli as doctor_cli
-from cockpit.car.finding import Finding
+from cockpit.car.checks import Finding
 from cockpit.car.init import Like, write_car
 from trepid import plugins
 from trepid.cli import main
