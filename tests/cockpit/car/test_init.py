@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from cockpit.car.init import FILES, Like, template_files, write_car
-from cockpit.car.template import merge
+from cockpit.car.init import FILES, Like, merge, template_files, write_car
 from trepid.car.vehicle import Vehicle
 from trepid.cli import main
 from trepid.config import CAR, CONFIG_DIR, WHOLE_FILES, load, read, use_car
