@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from supervisor_rig import ESTIMATE, STATE, Drive
 
-from cockpit.logbook.moment import moment_figure
+from cockpit.logbook.explain_drive import moment_figure
 from cockpit.logbook.recall import recall
 from cockpit.logbook.story import overview, story
 from cockpit.logbook.story_text import story_text

@@ -11,7 +11,7 @@ from recorded_rig import record_drive
 from supervisor_rig import STATE, Drive
 from typer.testing import CliRunner
 
-from cockpit.logbook.moment import moment_figure
+from cockpit.logbook.explain_drive import moment_figure
 from cockpit.logbook.recall import Recall, recall
 from cockpit.logbook.story import next_level, raising, story
 from cockpit.logbook.story_text import story_text

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cockpit.logbook.moment import moment_figure
+from cockpit.logbook.explain_drive import moment_figure
 from cockpit.logbook.recall import Recall, recall
 from cockpit.logbook.story import story
 from cockpit.logbook.story_text import story_text
