@@ -26,9 +26,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from perception.sight.path import Path
 from perception.sight.settings import AirSettings
-from perception.sight.strip import Ground
+from perception.sight.strip import Ground, Path
 from trepid.car.camera import Camera
 from trepid.types import Array, Floats
 

@@ -25,8 +25,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from perception.sight.path import Path
 from perception.sight.settings import CrestSettings
+from perception.sight.strip import Path
 from trepid.car.camera import Camera
 from trepid.types import Array, Image
 

@@ -35,8 +35,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from perception.sight.path import Path
 from perception.sight.settings import HiddenSettings
+from perception.sight.strip import Path
 from perception.sight.upright import GRAIN_PX, Edge, Look, UprightEdges
 from trepid.car.camera import Camera
 from trepid.types import Array, Image

@@ -19,9 +19,8 @@ from perception.sight.air import AirFit, Range, Sky
 from perception.sight.crest import CrestFinder, GroundEnd
 from perception.sight.dark import Lighting, dark_m, lighting, noise_grey
 from perception.sight.hidden import End, HiddenRoad, HiddenWatch
-from perception.sight.path import Path, path_of
 from perception.sight.settings import SightSettings
-from perception.sight.strip import Ground, GroundStrip, light_of
+from perception.sight.strip import Ground, GroundStrip, Path, light_of, path_of
 from trepid.car.camera import Camera
 from trepid.causes import Cause
 from trepid.messages import Frame, SteeringEstimate, VehicleState

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sight_rig import CAMERA, SETTINGS
 
 from perception.sight.crest import CrestFinder, GroundEnd
-from perception.sight.path import path_of
+from perception.sight.strip import path_of
 
 HEIGHT_M, PERIOD_S = CAMERA.height_m, 0.04
 

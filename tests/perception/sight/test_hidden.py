@@ -11,7 +11,7 @@ from sight_rig import CAMERA, SETTINGS, arc, bend, misty, with_box, with_trees
 
 from perception.sight.hidden import End, HiddenRoad, HiddenWatch
 from perception.sight.observer import Sight, SightObserver
-from perception.sight.path import Path, path_of
+from perception.sight.strip import Path, path_of
 from perception.sight.upright import Edge, UprightEdges
 from trepid.car.camera import Camera
 from trepid.causes import Cause
