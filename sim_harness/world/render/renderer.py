@@ -25,9 +25,8 @@ from sim_harness.world.render.optics.lens import Distortion
 from sim_harness.world.render.optics.sway import Sway
 from sim_harness.world.render.relief_ground import HAZE_REACH_M, average_rows, draw_relief, relief_distance
 from sim_harness.world.render.scene.backdrop import Backdrop
-from sim_harness.world.render.scene.lean import BankedRelief
 from sim_harness.world.render.scene.painter import Pose
-from sim_harness.world.render.scene.relief import Relief, behind, camera_at
+from sim_harness.world.render.scene.relief import BankedRelief, Relief, behind, camera_at
 from sim_harness.world.render.scene.things import Thing, draw_thing
 from sim_harness.world.render.scene.vehicles import Body, Upright, draw_lead
 from sim_harness.world.render.scene.view import STILL, Shot, ShutterMotion, View

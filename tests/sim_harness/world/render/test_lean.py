@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.render.scene.lean import BankedRelief
-from sim_harness.world.render.scene.relief import Relief, between_columns
+from sim_harness.world.render.scene.relief import BankedRelief, Relief, between_columns
 from sim_harness.world.roads.appearance import Light, Section
 from sim_harness.world.roads.elevation import BankPoint, ElevationPoint
 from sim_harness.world.roads.features import RoadMark
