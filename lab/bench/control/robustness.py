@@ -3,8 +3,8 @@
 Margins say how far a loop is from its limit for one linear error at a time. These are drives: a dead time of the
 steering of 0 to 0.3 s, a lag three times as long, an angle that turns the car by 30 % more or less, all with the
 noise of a camera, on the plants of Trepid and of CommonRoad, and on a plant with a lag and a noise behind the
-wheels (:mod:`lab.bench.control.sampled_plant`) of which the vehicle file knows nothing. Where the folder of data
-sets has the model of comma's controls challenge, the laws drive that too (:mod:`lab.bench.control.learned_plant`).
+wheels of which the vehicle file knows nothing. Where the folder of data sets has the model of comma's controls
+challenge, the laws drive that too (:mod:`lab.bench.control.learned_plant`, for both).
 """
 
 import math
@@ -18,8 +18,7 @@ import numpy as np
 
 from lab.bench.control.contestants import contestants, nominal, shipped_settings, with_tyres
 from lab.bench.control.episode import Episode, Track, drive, road_of, s_curve
-from lab.bench.control.learned_plant import LearnedPlant
-from lab.bench.control.sampled_plant import SampledPlant
+from lab.bench.control.learned_plant import LearnedPlant, SampledPlant
 from lab.bench.real.sets import data_folder
 from sim_harness.sweep.progress import SweepProgress
 from sim_harness.world.plants.commonroad import UNDERSTEER

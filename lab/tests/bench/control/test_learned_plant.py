@@ -10,9 +10,8 @@ from onnx import TensorProto, helper, numpy_helper
 from plant_step_rig import step_response_mps2
 
 from lab.bench.control.contestants import nominal
-from lab.bench.control.learned_plant import CONTEXT, VALUES_MPS2, LearnedPlant
+from lab.bench.control.learned_plant import CONTEXT, STEP_S, VALUES_MPS2, LearnedPlant
 from lab.bench.control.robustness import errors_of_the_file
-from lab.bench.control.sampled_plant import STEP_S
 from sim_harness.world.plants.settings import PlantSettings
 from trepid.config import InputError
 

@@ -10,8 +10,8 @@ from plant_step_rig import step_response_mps2
 from lab.bench.control import robustness
 from lab.bench.control.contestants import nominal, shipped_settings
 from lab.bench.control.episode import drive
+from lab.bench.control.learned_plant import LARGEST_STEP_MPS2, STEP_S, SampledPlant
 from lab.bench.control.robustness import bench_robustness, errors_of_the_file
-from lab.bench.control.sampled_plant import LARGEST_STEP_MPS2, STEP_S, SampledPlant
 from sim_harness.world.plants.settings import PlantSettings
 
 LAG_S, SPEED_MPS = 0.3, 10.0
