@@ -1,6 +1,11 @@
-"""Hooks of MkDocs: pages from the code and from the rest of the repository, and links that stay within the site."""
+"""Hooks of MkDocs: pages from the code and from the rest of the repository, and links that stay within the site.
 
+Links of pages lead from file to file in the repository, and from page to page on the site.
+"""
+
+import re
 from collections.abc import Callable, Mapping
+from posixpath import dirname, normpath, relpath
 from types import MappingProxyType
 from typing import Any
 
@@ -9,7 +14,6 @@ from mkdocs.structure.files import File, Files
 from lab.bench.age import ages, with_ages
 from lab.bench.results import stored_results
 from lab.site import fields, python, verbs
-from lab.site.links import lead_within
 from trepid.config import ROOT
 
 OF_CODE: Mapping[str, Callable[[], str]] = MappingProxyType(
@@ -61,3 +65,23 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
         return markdown
     sources = {page: source for source, page in OF_REPOSITORY.items()}
     return lead_within(markdown, sources.get(name, f"docs/{name}"), name, _pages(files))
+
+
+LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s#:]+)(#[^)\s]*)?\)")
+
+
+def lead_within(text: str, source: str, page: str, pages: Mapping[str, str]) -> str:
+    """``text`` of the repository's file ``source``, which the site shows as ``page``, with links of the site.
+
+    ``pages``: file of the repository -> page or picture of the site. A link to any other file, which a reader of
+    the site does not have, becomes its text and the path in the repository.
+    """
+
+    def link(match: re.Match[str]) -> str:
+        picture, words, target, place = match.groups()
+        file = normpath(f"{dirname(source)}/{target}".lstrip("/"))
+        if file in pages:
+            return f"{picture}[{words}]({relpath(pages[file], dirname(page) or '.')}{place or ''})"
+        return words if file in words else f"{words} (`{file}`)"
+
+    return LINK.sub(link, text)

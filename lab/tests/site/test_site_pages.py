@@ -3,7 +3,7 @@
 import pytest
 
 from lab.site import fields, python, verbs
-from lab.site.links import lead_within
+from lab.site.hooks import lead_within
 from trepid.config import CONFIG_DIR, ROOT, load
 from vehicle.driver.settings import DriverSettings
 
