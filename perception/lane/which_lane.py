@@ -29,7 +29,7 @@ from perception.lane.agreement import agreement, lane_columns
 from perception.lane.detection.evenness import unevenness
 from perception.lane.detection.marks import marks
 from perception.lane.detection.shown import visible_share
-from perception.lane.estimate import NAME, lane_estimate
+from perception.lane.lane_cv import NAME, lane_estimate
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
 from perception.lane.model.paths import ROW_STEP_PX
 from perception.lane.model.prediction import VehicleMotion
