@@ -16,9 +16,19 @@ from typing import Any
 
 from learning.dataset.dataset import Dataset
 from learning.training.recipe import Recipe, load_recipe
-from sim_harness.tuning.progress import TrialProgress, is_invalid
 from sim_harness.tuning.settings import Span, parse_vary
-from sim_harness.tuning.study import START, Evaluation, Invalid, Task, complete, cost, search, values_of
+from sim_harness.tuning.study import (
+    START,
+    Evaluation,
+    Invalid,
+    Task,
+    TrialProgress,
+    complete,
+    cost,
+    is_invalid,
+    search,
+    values_of,
+)
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 
 SETTINGS = "driving_search.yaml"

@@ -17,7 +17,6 @@ from rich.table import Table
 from sim_harness.scenarios.sampling import Method, fresh_seed
 from sim_harness.sweep.plan import Plan, by_sampling, plan, select
 from sim_harness.tuning.numbers import NumberedText
-from sim_harness.tuning.progress import TrialProgress, is_invalid
 from sim_harness.tuning.settings import Costs, Span, TuneSettings, parse_vary
 from trepid.config import CONFIG_DIR, INTERRUPTED, InputError, load, parse_overrides
 from trepid.loudness import note
@@ -168,7 +167,16 @@ def _task(
 
 def _tune(task: "RuleTask", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
     from sim_harness.tuning.score import Score, both
-    from sim_harness.tuning.study import SCORE, START, complete, cost, search, values_of
+    from sim_harness.tuning.study import (
+        SCORE,
+        START,
+        TrialProgress,
+        complete,
+        cost,
+        is_invalid,
+        search,
+        values_of,
+    )
 
     cases = f"{len(task.planned)} cases a trial"
     say(f"study {task.name} in {task.storage}, {len(task.parameters)} numbers, {cases}")
@@ -216,7 +224,7 @@ def invalid_because(trials: Iterable[Any]) -> list[dict[str, Any]]:
 
     Messages that differ in numbers only, such as the place in the file and the values, have one reason.
     """
-    from sim_harness.tuning.study import INVALID
+    from sim_harness.tuning.study import INVALID, is_invalid
 
     examples: dict[str, list[str]] = {}
     for trial in filter(is_invalid, trials):
