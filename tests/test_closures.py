@@ -45,8 +45,8 @@ CLOSURES = {
     "cv": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cv')",
         {"perception"},
-        49,
-        4_810,
+        48,
+        4_800,
     ),
     "cv, which judges the image": Closure(
         "import perception.node\n"
@@ -54,8 +54,8 @@ CLOSURES = {
         "from perception.sight.judge import build as build_judge\n"
         "assert build('cv') and build_judge()",
         {"perception"},
-        65,
-        6_130,
+        60,
+        6_120,
     ),
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
@@ -66,8 +66,8 @@ CLOSURES = {
     "segments": Closure(
         "import perception.node, perception.segments.estimator",
         {"perception"},
-        56,
-        5_215,
+        55,
+        5_205,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
@@ -120,8 +120,8 @@ DRIVERS = (
 WHOLE_CAR = Closure(
     "\n".join([*(one.statements for one in CLOSURES.values()), DRIVERS]),
     {"perception", "supervisor", "controller", "vehicle", "drive", "cockpit.page"},
-    233,
-    24_400,
+    231,
+    24_350,
 )
 """All of a car: launcher, every node, every driver of cameras, actuators and driver input, bridge to ROS 2."""
 
