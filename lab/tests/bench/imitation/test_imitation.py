@@ -59,8 +59,10 @@ def test_a_drive_is_learned_once_and_its_rows_are_used_again(drive, monkeypatch)
 
 
 def on_a_short_way(load: Callable[..., Scenario]) -> Callable[..., Scenario]:
-    """``load``, whose last argument is the changes of a scenario, with 60 m to drive."""
-    return lambda *words: load(*words[:-1], {**words[-1], "distance_m": "60", "duration_s": "12"})
+    """``load``, whose last argument is the changes of a scenario, with 60 m to drive, from just before the bend."""
+    return lambda *words: load(
+        *words[:-1], {**words[-1], "start.station_m": "50", "distance_m": "60", "duration_s": "12"}
+    )
 
 
 @pytest.mark.long

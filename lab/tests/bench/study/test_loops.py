@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from message_rig import decision
 
-from lab.bench.catalogue import names_of
+from lab.bench.catalogue import BENCHMARKS
 from lab.bench.cli import benchmarks
 from lab.bench.study import loops
 from lab.bench.study.loops import NETWORK_S, SlowNetwork
@@ -64,7 +64,7 @@ def test_transposed_angles_keep_nearer_to_the_centre_at_20_mph(monkeypatch: pyte
 
 def test_study_and_a_name_is_that_study_and_study_alone_are_all() -> None:
     assert benchmarks(["study", "speed", "data"]) == ["study-speed", "study-data"]
-    assert benchmarks(["study"]) == names_of("study") and len(names_of("study")) == 16
+    assert benchmarks(["study"]) == [name for name in BENCHMARKS if name.startswith("study-")]
 
 
 def test_a_network_behind_frames_of_100_hz_gets_each_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
