@@ -26,8 +26,8 @@ from trepid.config import WORK_DIR
 Row = dict[str, Any]
 LIGHTS = {"day": "", "night": "night", "low sun": "low_sun"}
 WEATHERS = {"clear": "", "rain": "rain", "fog": "fog", "snow": "snow"}
-ROADS = {"lines": "rain", "no lines": "unmarked_bend"}
-"""Name -> the scenario whose road is driven: bends of R = 60 m and R = 30 m."""
+ROADS = {"lines": "s_curve", "no lines": "unmarked_bend"}
+"""Name -> the scenario whose road is driven: bends of R = 25 m and R = 30 m."""
 SPEEDS_MPS = (5, 9)
 GRADE = 3
 ROUTE_M, DURATION_S = 120, 40

@@ -36,6 +36,8 @@ def row(*, departures: int = 0, driven: float = 100.0, autonomy: float = 100.0) 
 def test_every_combination_is_driven_once() -> None:
     found = list(all_conditions())
     assert len(set(found)) == len(found) == len(LIGHTS) * len(WEATHERS) * len(ROADS) * len(SPEEDS_MPS)
+    for one in found:
+        one.scenario().check()
 
 
 @pytest.mark.parametrize("road", ROADS)
