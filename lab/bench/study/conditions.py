@@ -12,7 +12,7 @@ The command of a failed drive is ``trepid sim run`` with the settings and the se
 supervised drive bit by bit. One line a drive in ``runs/conditions_<seed>.jsonl``; an interrupted study continues.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 from statistics import fmean
 from typing import Any, NamedTuple
@@ -134,22 +134,28 @@ def tables(found: Mapping[StudiedDrive, Row]) -> Row:
 
 
 def mean_table(found: Mapping[StudiedDrive, Row], part_of: Callable[[Conditions], str], field: str) -> Row:
-    """Part of the conditions -> driver -> the mean of a field."""
+    """Part of the conditions -> driver -> the mean of a field; None where no drive has it.
+
+    A car that never moved has no autonomy.
+    """
     parts = dict.fromkeys(part_of(one.conditions) for one in found)
     return {
         part: {
-            driver: round(
-                fmean(
-                    row[field]
-                    for one, row in found.items()
-                    if one.driver == driver and part_of(one.conditions) == part
-                ),
-                1,
+            driver: mean_of(
+                row[field]
+                for one, row in found.items()
+                if one.driver == driver and part_of(one.conditions) == part
             )
             for driver in DRIVERS
         }
         for part in parts
     }
+
+
+def mean_of(values: Iterable[float | None]) -> float | None:
+    """The mean of those that are known; None without any."""
+    known = [one for one in values if one is not None]
+    return round(fmean(known), 1) if known else None
 
 
 DRIVEN, LEFT, STOPPED = "route driven in the lane", "lane left", "stopped or late"
@@ -165,7 +171,7 @@ def kind_of(row: Row) -> str:
 def kinds(rows: list[Row]) -> Row:
     """How many drives there are of each kind, and the farthest from the centre of the lane [m]."""
     said = [kind_of(row) for row in rows]
-    farthest_m = max(row["max_lateral_error_m"] for row in rows)
+    errors_m = [row["max_lateral_error_m"] for row in rows if row["max_lateral_error_m"] is not None]
     return {kind: said.count(kind) for kind in (DRIVEN, STOPPED, LEFT)} | {
-        "farthest [m]": round(farthest_m, 2)
+        "farthest [m]": round(max(errors_m), 2) if errors_m else None
     }

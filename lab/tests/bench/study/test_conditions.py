@@ -18,6 +18,7 @@ from lab.bench.study.conditions import (
     StudiedDrive,
     all_conditions,
     kind_of,
+    mean_of,
     tables,
 )
 from sim_harness.scenarios.scenario import load_scenario
@@ -50,6 +51,16 @@ def test_the_command_of_a_drive_has_the_scenario_that_was_driven(road: str) -> N
     assert scenario == conditions.scenario()
     assert [one.kind for one in scenario.disturbances] == ["night", "fog"]
     assert (scenario.speed_mps, scenario.start.speed_mps) == (9.0, 9.0)
+
+
+def test_a_car_that_never_moved_has_no_autonomy_and_takes_none_from_others() -> None:
+    assert mean_of([None, 50.0, 100.0]) == 75.0
+    assert mean_of([None]) is None
+    still = row(driven=0.0) | {"autonomy_percent": None, "max_lateral_error_m": None}
+    drives = [StudiedDrive(one, driver, 1) for one in all_conditions() for driver in DRIVERS]
+    page = tables(dict.fromkeys(drives, still))
+    assert set(page["autonomy [%] by road and speed"]["lines, 5 m/s"].values()) == {None}
+    assert page["kinds of failure, drives"]["cv alone"]["farthest [m]"] is None
 
 
 def test_a_departure_counts_before_a_stop_and_a_stop_is_no_drive() -> None:
