@@ -21,7 +21,7 @@ from lab.bench.real.sets import data_folder
 from perception.estimators import Entry, entry_of
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, Settings, load, using_car
+from trepid.config import CONFIG_DIR, InputError, Settings, load, using_car
 from trepid.images.files import images_in, read_image
 from trepid.messages import Frame, PixelPath, SteeringEstimate
 from trepid.types import Array
@@ -83,11 +83,13 @@ def bench_floors(data: Path | None = None, estimators: Sequence[str] = ()) -> di
 
 
 def answers(entry: Entry, floor: Floor, images: Path, vehicle: Vehicle) -> list[Answer]:
-    """What the estimator of ``entry`` says of each drawn frame, after those before it."""
+    """What the estimator of ``entry`` says of each drawn frame, after those before it. Raises InputError."""
     paths = images_in(images)
     places = {path.name: number for number, path in enumerate(paths)}
     found = []
     for name, drawn in floor.lanes.items():
+        if name not in places:
+            raise InputError(f"{images / name}: there is no such image; the set is not complete")
         estimator, last = entry.build(floor.camera, vehicle), places[name]
         for number, path in enumerate(paths[max(0, last + 1 - FRAMES) : last + 1]):
             t_s = number * FRAME_S

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from lab.bench.real import floors
-from lab.bench.real.floors import Answer, DrawnLane, Floors, apart, judge, on_floor, shares
+from lab.bench.real.floors import Answer, DrawnLane, Floors, answers, apart, judge, on_floor, shares
 from perception.estimators import entry_of
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, load, using_car
+from trepid.config import CONFIG_DIR, InputError, load, using_car
 from trepid.messages import PixelPath, SteeringEstimate
 
 LANE_M = 0.22
@@ -82,6 +82,14 @@ def test_right_and_confident_and_wrong_and_confident_are_shares_of_all_frames() 
         "right_and_confident": 0.25,
         "wrong_and_confident": 0.25,
     }
+
+
+def test_a_set_without_a_drawn_image_is_refused_with_its_name(tmp_path: Path, vehicle: Vehicle) -> None:
+    with using_car(CONFIG_DIR / "cars" / "mini"):
+        floor = next(iter(load(Path(floors.__file__).with_name("floors.yaml"), Floors).floors.values()))
+    (tmp_path / "other.jpg").write_bytes(b"")
+    with pytest.raises(InputError, match=next(iter(floor.lanes))):
+        answers(entry_of("tape"), floor, tmp_path, vehicle)
 
 
 def test_every_camera_of_the_file_suits_the_estimator(vehicle: Vehicle) -> None:
