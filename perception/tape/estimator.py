@@ -94,7 +94,7 @@ class TapeLane:
         Without speed and yaw rate the last lane is where the fit begins, and lines beside the image are unknown.
         """
         dt_s, self._t_s = t_s - self._t_s, t_s
-        self._moved = motion.speed_mps is not None and motion.yaw_rate_radps is not None
+        self._moved = False
         if not 0 <= dt_s <= MAX_GAP_S:
             self._memory.forget()
             self._lane, self._looks, self._unseen_m, self._sure = None, 0, 0.0, 0.0
@@ -102,6 +102,7 @@ class TapeLane:
         if motion.speed_mps is None or motion.yaw_rate_radps is None:
             self._memory.forget()
             return
+        self._moved = True
         way_m, turned_rad = motion.speed_mps * dt_s, motion.yaw_rate_radps * dt_s
         self._memory.move(way_m, turned_rad)
         if self._lane is not None:
