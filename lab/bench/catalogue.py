@@ -270,6 +270,12 @@ BENCHMARKS = {
         " the first weights that each row states; without a GPU on smaller frames",
         continued=True,
     ),
+    "study-trunks": Benchmark(
+        "study.papers",
+        "VGG16, VGG19, InceptionV3 and the two recurrent forms of Deep Steer beside a small network: equal frames,"
+        " pixels and epochs",
+        continued=True,
+    ),
     "study-train-your-own": Benchmark(
         "study.train_your_own", "a tub of 3000 frames to a judged network: time of the three commands"
     ),

@@ -62,9 +62,9 @@ class Sets(NamedTuple):
     unseen: Dataset
 
 
-def study_sets(seed: int) -> Sets:
+def study_sets(seed: int, roads: int = ROADS) -> Sets:
     """The drives as data sets, driven and built where they are missing."""
-    return Sets(**demonstrations(folder(seed), roads=ROADS, seed=seed, jobs=os.cpu_count() or 1))
+    return Sets(**demonstrations(folder(seed), roads=roads, seed=seed, jobs=os.cpu_count() or 1))
 
 
 def trained_row(variant: Variant) -> Row:

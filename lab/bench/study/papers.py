@@ -5,13 +5,18 @@ those of an auto-encoder of the same frames, and so learn in one stage by Adam i
 drove each path in both directions: here half of the frames are mirrored. They have no other augmentation, and the
 histogram matching of the paper. Where torch sees a GPU the frames have the size of the paper; without one they have
 the REDUCED sizes, which two cores train in a night.
+
+A night is long, and sizes that differ compare no networks: :func:`bench_trunks` trains all networks of the paper at
+one small recipe, TRUNKS, with equal frames, pixels and epochs, in half an hour of one core.
 """
 
 import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from lab.bench.imitation.training_code import code_of_training, one_stage
 from lab.bench.study.learned import JUDGING, Row, Sets, folder, study_sets
@@ -19,9 +24,13 @@ from learning.dataset.dataset import Dataset
 from learning.judging.evaluate import BIN_RATIO
 from learning.judging.scores import errors
 from learning.rendered import need_torch, say
+from learning.training.frames import Frames, forget_frames, read_frames, share_of
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import stored_rows
+
+if TYPE_CHECKING:
+    from learning.models.parts.network import SteeringNetwork
 
 _AS_PAPER = {"first weights": "ImageNet", "recipe": "RMSprop, two stages", "frame": "320×240"}
 PAPER: Mapping[str, Row] = {  # tables 2 to 4, and section 5.2
@@ -72,6 +81,9 @@ REDUCED: Mapping[str, tuple[int, int]] = {  # network -> width, height [px] on a
     "inception-rnn": (128, 96),
 }
 EPOCHS = {"cuda": 12, "cpu": 8}
+TRUNK_ROADS = 24
+TRUNK_BATCH = 16  # frames
+TRUNK_FRAMES_SHARE = 0.5
 JOBS = {"cuda": 4, "cpu": 1}  # trainings at a time
 RATE, RATE_VGG = 1.0e-3, 1.0e-4  # VGG has no batch normalisation
 WINDOW = 8  # frames of a sequence
@@ -97,6 +109,28 @@ NETWORKS: Mapping[str, Mapping[str, str]] = {  # row -> changes of the recipe
     "donkey-linear": {},
 }
 """In the order of the trainings: the longest first."""
+_TRUNKS = {
+    "width_px": "80",  # the trunk of InceptionV3 reads no frame below 75×75
+    "height_px": "80",
+    "mixed_precision": "always",  # halves the time of VGG on a CPU with bfloat16
+    "batch": str(TRUNK_BATCH),
+    "frames_share": str(TRUNK_FRAMES_SHARE),
+}
+TRUNKS: Mapping[str, Mapping[str, str]] = {  # row -> changes of the recipe
+    "steer": OF_PAPER | _TRUNKS,
+    "inception-v3": OF_PAPER | _TRUNKS,
+    "inception-rnn-as-printed": OF_PAPER | _TRUNKS,
+    "inception-rnn": OF_PAPER
+    | _TRUNKS
+    | {
+        "window": str(WINDOW),
+        "batch": str(TRUNK_BATCH // WINDOW),
+        "frames_share": str(TRUNK_FRAMES_SHARE / WINDOW),
+    },
+    "vgg16": OF_PAPER | _TRUNKS | {"initialisation": "he"},
+    "vgg19": OF_PAPER | _TRUNKS | {"initialisation": "he"},
+}
+"""The networks of the paper and a small one, on frames of one size. In the order of the trainings."""
 
 
 class Contestant(NamedTuple):
@@ -117,12 +151,21 @@ class Contestant(NamedTuple):
 def changes_of(row: str, seed: int, device: str) -> dict[str, str]:
     """The changes of the recipe of a row for a device, "cuda" or "cpu"."""
     model = model_of(row)
-    rate = RATE_VGG if model.startswith("vgg") else RATE
-    found = {"seed": str(seed), "stages": one_stage(EPOCHS[device], rate), **NETWORKS[row]}
+    found = {"seed": str(seed), "stages": one_stage(EPOCHS[device], rate_of(model)), **NETWORKS[row]}
     if device == "cpu" and model in REDUCED:
         width_px, height_px = REDUCED[model]
         found |= {"width_px": str(width_px), "height_px": str(height_px)}
     return found
+
+
+def trunk_changes_of(row: str, seed: int) -> dict[str, str]:
+    """The changes of the recipe of a row of TRUNKS, on every device."""
+    return {"seed": str(seed), "stages": one_stage(EPOCHS["cpu"], rate_of(row)), **TRUNKS[row]}
+
+
+def rate_of(model: str) -> float:
+    """The learning rate of a network."""
+    return RATE_VGG if model.startswith("vgg") else RATE
 
 
 def model_of(row: str) -> str:
@@ -130,16 +173,21 @@ def model_of(row: str) -> str:
     return row.partition(",")[0]
 
 
-def trainings(sets: Sets, seed: int, device: str) -> tuple[dict[str, Contestant], dict[str, str]]:
-    """The training of each row on a device, and the hash of all that its scores depend on."""
+def trainings(
+    sets: Sets, seed: int, device: str, changes: Mapping[str, Mapping[str, str]]
+) -> tuple[dict[str, Contestant], dict[str, str]]:
+    """The training of each row on a device, and the hash of all that its scores depend on.
+
+    ``changes``: row -> those of its recipe.
+    """
     code = fingerprint(*import_closure([__name__, *JUDGING]), "config")
     tasks, codes = {}, {}
-    for row in NETWORKS:
-        model, changes = model_of(row), changes_of(row, seed, device)
-        recipe = load_recipe(model, None, overrides=changes)
+    for row, changed in changes.items():
+        model = model_of(row)
+        recipe = load_recipe(model, None, overrides=dict(changed))
         digest = short_hash(code_of_training(model), recipe.model_dump_json(), sets.random.sha256)
         folders = (sets.random.folder, sets.unseen.folder, folder(seed) / f"{model}-{digest}")
-        tasks[row] = Contestant(model, tuple(changes.items()), *folders)
+        tasks[row] = Contestant(model, tuple(changed.items()), *folders)
         codes[row] = short_hash(code, digest, sets.unseen.folder.name, device)
     return tasks, codes
 
@@ -150,13 +198,51 @@ def bench_deep_steer(seed: int) -> Row:
     A GPU is shared by JOBS trainings.
     """
     need_torch("bench study deep-steer")
+    device, sets = device_name(), study_sets(seed)
+    changes = {row: changes_of(row, seed, device) for row in NETWORKS}
+    return _table(sets, seed, changes, "deep-steer", jobs=JOBS[device])
+
+
+def bench_trunks(seed: int) -> Row:
+    """The networks of the paper and a small one with equal frames, pixels and epochs, beside the paper's rows.
+
+    One training at a time, on a GPU too.
+    """
+    need_torch("bench study trunks")
+    sets = study_sets(seed, roads=TRUNK_ROADS)
+    return _table(sets, seed, {row: trunk_changes_of(row, seed) for row in TRUNKS}, "trunks", jobs=1)
+
+
+def device_name() -> str:
+    """That of a training, "cuda" or "cpu"."""
     import torch
 
-    device = "cuda" if torch.cuda.is_available() else "cpu"
-    tasks, codes = trainings(study_sets(seed), seed, device)
-    path, jobs = folder(seed) / "deep-steer.jsonl", JOBS[device]
-    rows = stored_rows(path, trained_row, tasks, codes=codes, jobs=jobs)
-    return {"mean absolute error": {**PAPER, **dict(zip(tasks, rows, strict=True))}}
+    return "cuda" if torch.cuda.is_available() else "cpu"
+
+
+def _table(sets: Sets, seed: int, changes: Mapping[str, Mapping[str, str]], name: str, *, jobs: int) -> Row:
+    tasks, codes = trainings(sets, seed, device_name(), changes)
+    rows = stored_rows(folder(seed) / f"{name}.jsonl", trained_row, tasks, codes=codes, jobs=jobs)
+    found = dict(zip(tasks, rows, strict=True))
+    return {"mean absolute error": {**PAPER, "always straight": straight_row(sets), **found}}
+
+
+def straight_row(sets: Sets) -> Row:
+    """The errors of a steering wheel that is held straight, in all splits."""
+    return {
+        f"{name}_deg": round(
+            math.degrees(float(np.abs(data.labelled_rows(split)["road_wheel_rad"]).mean())) * BIN_RATIO, 3
+        )
+        for name, data, split in judged_splits(sets.random, sets.unseen)
+    }
+
+
+def judged_splits(random: Dataset, unseen: Dataset) -> list[tuple[str, Dataset, str]]:
+    """Name of the scores, data set, split."""
+    return [
+        *((split, random, split) for split in ("train", "validation", "test")),
+        ("unseen", unseen, "test"),
+    ]
 
 
 def trained_row(one: Contestant) -> Row:
@@ -166,7 +252,6 @@ def trained_row(one: Contestant) -> Row:
     """
     import torch
 
-    from learning.training.frames import forget_frames, read_frames
     from learning.training.loop import Divergence, predict
     from learning.training.run import train_network
     from learning.training.start import work_folder
@@ -185,10 +270,7 @@ def trained_row(one: Contestant) -> Row:
     except Divergence as error:
         return found | {"failed": str(error)}
     size, unit_deg = training.network.size, math.degrees(BIN_RATIO)
-    for name, data, split in (
-        *((split, sets[0], split) for split in ("train", "validation", "test")),
-        ("unseen", sets[1], "test"),
-    ):
+    for name, data, split in judged_splits(*sets):
         kept = work_folder(one.checkpoints) / data.folder.name
         frames = read_frames(data, split, **size._asdict(), folder=kept, report=say)
         angles_rad, _ = predict(training.network, frames)
@@ -199,6 +281,7 @@ def trained_row(one: Contestant) -> Row:
         forget_frames(split, work_folder(one.checkpoints))
     return found | {
         "frame": f"{size.width}×{size.height}",
+        "frames": frames_of_epoch(training.train, training.network, recipe),
         "parameters": training.network.parameters_count,
         "minutes": round(training.progress.elapsed_s / 60, 1),
     }
@@ -207,3 +290,9 @@ def trained_row(one: Contestant) -> Row:
 def round_score(value: float | None) -> float | None:
     """``value`` to three decimals; None stays."""
     return None if value is None else round(value, 3)
+
+
+def frames_of_epoch(train: Frames, network: "SteeringNetwork", recipe: Recipe) -> int:
+    """How many frames an epoch shows; those of overlapping sequences count in each of them."""
+    window = 1 if network.memory is None else recipe.window
+    return window * len(share_of(len(train.windows(window, recipe.stride)), recipe.frames_share))

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
@@ -10,13 +11,32 @@ from drive_rig import made_dataset, write_table, write_tub  # noqa: F401
 
 from lab.bench.imitation.training_code import one_stage
 from lab.bench.study import learned, papers
-from lab.bench.study.papers import AUTO_ENCODER, NETWORKS, PAPER, Contestant, bench_deep_steer, changes_of
+from lab.bench.study.papers import (
+    AUTO_ENCODER,
+    NETWORKS,
+    PAPER,
+    TRUNKS,
+    Contestant,
+    bench_deep_steer,
+    bench_trunks,
+    changes_of,
+)
 from learning.dataset.dataset import Dataset
-from learning.models.catalogue import MODELS
+from learning.judging.evaluate import BIN_RATIO
+from learning.models.catalogue import MODELS, build
 from learning.rendered import say
+from learning.training.frames import Frames
 from learning.training.recipe import load_recipe
 from learning.training.run import run
 
+ALIKE = {
+    "size": lambda recipe: (recipe.height_px, recipe.width_px),
+    "epochs": lambda recipe: [(stage.part, stage.epochs) for stage in recipe.stages],
+    "augmentation": lambda recipe: recipe.augmentation,
+    "optimiser": lambda recipe: recipe.optimiser,
+    "seed": lambda recipe: recipe.seed,
+}
+"""What the recipes of TRUNKS share, of a recipe."""
 TINY = {"stages": one_stage(2, 1.0e-3), "height_px": "24", "width_px": "32", "batch": "16"}
 
 
@@ -32,6 +52,33 @@ def test_every_network_of_the_paper_is_trained_at_its_size_on_a_gpu_and_smaller_
     assert {"vgg16", "vgg19", "inception-v3", "inception-rnn", "inception-rnn-as-printed"} < set(NETWORKS)
 
 
+def test_the_trunks_learn_equally_many_frames_of_one_size_in_equal_epochs():
+    recipes = {row: load_recipe(row, None, overrides=papers.trunk_changes_of(row, 7)) for row in TRUNKS}
+    assert {"vgg16", "vgg19", "inception-v3", "inception-rnn", "inception-rnn-as-printed"} < set(recipes)
+    one_of = {field: len({repr(of(one)) for one in recipes.values()}) for field, of in ALIKE.items()}
+    assert one_of == dict.fromkeys(ALIKE, 1)
+    moments = np.arange(400.0)
+    train = Frames(moments, moments, np.zeros(400, int), np.zeros(400, int), ("drive",))
+    shown = {
+        row: papers.frames_of_epoch(
+            train, build(row, height=recipe.height_px, width=recipe.width_px, head=recipe.head), recipe
+        )
+        for row, recipe in recipes.items()
+        if row in ("steer", "inception-v3", "inception-rnn")
+    }
+    assert shown.pop("inception-rnn") == pytest.approx(200, abs=papers.WINDOW)
+    assert set(shown.values()) == {200}
+    rnn = recipes["inception-rnn"]
+    assert rnn.window * rnn.batch == recipes["vgg19"].batch, "as many frames in a step"
+
+
+def test_the_row_of_a_wheel_held_straight_has_the_mean_angle_of_each_split(data: Dataset):
+    row = papers.straight_row(learned.Sets(data, data))
+    angles = np.degrees(np.abs(data.labelled_rows("test")["road_wheel_rad"])) * BIN_RATIO
+    assert row["test_deg"] == row["unseen_deg"] == pytest.approx(float(angles.mean()), abs=1e-3)
+    assert set(row) == {f"{name}_deg" for name in ("train", "validation", "test", "unseen")}
+
+
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("drive")
@@ -41,21 +88,26 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 @pytest.fixture
 def tiny_study(data: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A small data set in place of the drives, and networks of a moment."""
-    monkeypatch.setattr(papers, "study_sets", lambda seed: learned.Sets(data, data))
+    monkeypatch.setattr(papers, "study_sets", lambda seed, roads=0: learned.Sets(data, data))
     monkeypatch.setattr(learned, "WORK_DIR", tmp_path)
-    monkeypatch.setattr(papers, "NETWORKS", {"steer": TINY, "steer-lstm": TINY | {"window": "2"}})
+    for rows in ("NETWORKS", "TRUNKS"):
+        monkeypatch.setattr(papers, rows, {"steer": TINY, "steer-lstm": TINY | {"window": "2"}})
 
 
 @pytest.mark.long
 def test_a_study_that_is_started_again_trains_nothing_twice_and_states_its_recipe(tiny_study, monkeypatch):
     found = bench_deep_steer(seed=0)["mean absolute error"]
-    assert set(found) == {*PAPER, "steer", "steer-lstm"}
+    assert set(found) == {*PAPER, "always straight", "steer", "steer-lstm"}
     row = found["steer"]
     assert row["frame"] == "32×24" and row["first weights"] == "random"
     assert row["recipe"] == "adamw 0.001, 2 epochs, batches of 16" and row["device"]
     assert row["test_deg"] == row["unseen_deg"] > 0, "one data set stands for both here"
+    assert row["frames"] == found["steer-lstm"]["frames"] // 2 + 1, (
+        "two frames in a sequence, one less of them"
+    )
+    trunks = bench_trunks(seed=0)
     monkeypatch.setattr("learning.training.run.train_network", None)
-    assert bench_deep_steer(seed=0)["mean absolute error"] == found
+    assert bench_deep_steer(seed=0)["mean absolute error"] == found and bench_trunks(seed=0) == trunks
 
 
 @pytest.mark.long
