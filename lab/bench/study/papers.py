@@ -82,6 +82,7 @@ REDUCED: Mapping[str, tuple[int, int]] = {  # network -> width, height [px] on a
 }
 EPOCHS = {"cuda": 12, "cpu": 8}
 TRUNK_ROADS = 24
+TRUNK_EPOCHS = 6
 TRUNK_BATCH = 16  # frames
 TRUNK_FRAMES_SHARE = 0.5
 JOBS = {"cuda": 4, "cpu": 1}  # trainings at a time
@@ -160,7 +161,7 @@ def changes_of(row: str, seed: int, device: str) -> dict[str, str]:
 
 def trunk_changes_of(row: str, seed: int) -> dict[str, str]:
     """The changes of the recipe of a row of TRUNKS, on every device."""
-    return {"seed": str(seed), "stages": one_stage(EPOCHS["cpu"], rate_of(row)), **TRUNKS[row]}
+    return {"seed": str(seed), "stages": one_stage(TRUNK_EPOCHS, rate_of(row)), **TRUNKS[row]}
 
 
 def rate_of(model: str) -> float:
