@@ -19,6 +19,9 @@ class Benchmark(NamedTuple):
 
 BENCHMARKS = {
     "estimators": Benchmark("frames", "time of each estimator for one frame"),
+    "memory": Benchmark(
+        "perception.memory", "peak memory of a process that runs an estimator, both, and both under fear"
+    ),
     "renderer": Benchmark("frames", "time of a rendered frame"),
     "lockstep": Benchmark("lockstep", "real-time factor of the closed loop"),
     "plants": Benchmark("plants", "steps per second of the vehicle models and their peers"),

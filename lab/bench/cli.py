@@ -56,7 +56,7 @@ def bench(
         str,
         typer.Option(
             help="perception: names, separated by commas; default: all. real: beside cv and cnn; also: all."
-            " tracks, tiles, floors: instead of tape."
+            " tracks, tiles, floors: instead of tape. memory: also, or files of driving networks."
         ),
     ] = "",
     quick: Annotated[
