@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from lab.bench.control.speeds import MPH
+from lab.bench.fear.kinds import kinds
 from lab.bench.imitation.demonstrations import demonstrations, drive_exactly
 from lab.bench.imitation.training_code import code_of_training, one_stage, train_once
 from lab.bench.imitation.verdict import (
@@ -22,6 +23,7 @@ from lab.bench.imitation.verdict import (
     DRIVEN,
     EXACT,
     FARTHEST,
+    KINDS,
     MOVED,
     SHIFTED,
     UNLIKE,
@@ -155,7 +157,10 @@ def judge_shifts(model: JudgedModel, bench: Bench, plain: Predictions) -> dict[s
 
 
 def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str, dict[str, Row]]:
-    """Scenario -> farthest place beside the centre and autonomy by speed, alone; scores of the other drivers."""
+    """Scenario -> farthest place beside the centre and autonomy by speed, alone; scores of the other drivers.
+
+    KINDS: driver and speed -> how many of its drives ended how.
+    """
     names = QUICK_SCENARIOS if quick else steering_scenarios()
     speeds = QUICK_SPEEDS_MPH if quick else SPEEDS_MPH
     drives = {
@@ -199,6 +204,11 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
             name: {f"{mph} mph": rows[f"{name} {mph} mph{driver}"][score] for mph in speeds} for name in names
         }
         for title, (driver, score) in titles.items()
+    }
+    tables[KINDS] = {
+        f"{who}, {mph} mph": kinds([rows[f"{name} {mph} mph{driver}"] for name in names])
+        for who, driver in (("alone", ""), ("supervised beside cv and cnn", " supervised"))
+        for mph in speeds
     }
     return tables | {EXACT.format(max(speeds)): {name: rows[f"{name} exact"] for name in names}}
 

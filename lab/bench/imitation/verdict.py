@@ -7,6 +7,7 @@ from typing import Any
 Row = Mapping[str, Any]
 FARTHEST, AUTONOMY = "alone, farthest beside the centre [m]", "alone, autonomy [%]"  # tables of drives
 DEPARTURES, DRIVEN = "supervised beside cv and cnn, departures", "supervised beside cv and cnn, driven [%]"
+KINDS = "what became of the drives"
 SHIFTED = "coverage of the 90 % intervals on changed images of the unseen roads"
 MOVED = "mean change of the steering wheel by the changed image [°]"
 UNLIKE = "share of the changed images that the network finds unlike its training"

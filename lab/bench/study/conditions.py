@@ -18,6 +18,7 @@ from statistics import fmean
 from typing import Any, NamedTuple
 
 from lab.bench.fear.drives import SupervisionCase
+from lab.bench.fear.kinds import DRIVEN, kind_of, kinds
 from lab.bench.fear.supervision import Driver, drive
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.store import stored_rows
@@ -156,22 +157,3 @@ def mean_of(values: Iterable[float | None]) -> float | None:
     """The mean of those that are known; None without any."""
     known = [one for one in values if one is not None]
     return round(fmean(known), 1) if known else None
-
-
-DRIVEN, LEFT, STOPPED = "route driven in the lane", "lane left", "stopped or late"
-
-
-def kind_of(row: Row) -> str:
-    """What became of a drive: a wheel outside, else the route not driven to its end, else neither."""
-    if row["departures"]:
-        return LEFT
-    return DRIVEN if row["driven_percent"] >= 99.0 else STOPPED
-
-
-def kinds(rows: list[Row]) -> Row:
-    """How many drives there are of each kind, and the farthest from the centre of the lane [m]."""
-    said = [kind_of(row) for row in rows]
-    errors_m = [row["max_lateral_error_m"] for row in rows if row["max_lateral_error_m"] is not None]
-    return {kind: said.count(kind) for kind in (DRIVEN, STOPPED, LEFT)} | {
-        "farthest [m]": round(max(errors_m), 2) if errors_m else None
-    }

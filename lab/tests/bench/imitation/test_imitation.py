@@ -8,6 +8,8 @@ pytest.importorskip("torch", reason="training needs the extra: pip install -e '.
 
 from drive_rig import write_tub
 
+from lab.bench.fear.kinds import DRIVEN as DRIVEN_IN_LANE
+from lab.bench.fear.kinds import LEFT, STOPPED
 from lab.bench.imitation import bench as module
 from lab.bench.imitation import demonstrations, harness
 from lab.bench.imitation.bench import OURS, PEER, SETS, bench_imitation
@@ -17,6 +19,7 @@ from lab.bench.imitation.verdict import (
     DRIVEN,
     EXACT,
     FARTHEST,
+    KINDS,
     SHIFTED,
     judge_simulation,
     verdicts,
@@ -84,6 +87,12 @@ def test_networks_learn_from_random_roads_and_drive_on_others(tmp_path, monkeypa
     assert all(0 <= share <= 1 for row in found[SHIFTED].values() for share in row.values())
     for table in (AUTONOMY, FARTHEST, DEPARTURES, DRIVEN):
         assert found[table]["unmarked_bend"].keys() == {"20 mph"}
+    for driver in ("alone", "supervised beside cv and cnn"):
+        ended = found[KINDS][f"{driver}, 20 mph"]
+        assert ended[DRIVEN_IN_LANE] + ended[STOPPED] + ended[LEFT] == 1
+    assert found[KINDS]["alone, 20 mph"]["farthest [m]"] == pytest.approx(
+        found[FARTHEST]["unmarked_bend"]["20 mph"], abs=0.01
+    )
     assert found[EXACT.format(20)]["unmarked_bend"]["autonomy_percent"] == 100
     for name in ("demonstrate", "judge_training", "drive_network"):  # nothing is done again
         monkeypatch.setattr(demonstrations if name == "demonstrate" else harness, name, None)

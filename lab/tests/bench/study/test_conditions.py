@@ -5,19 +5,16 @@ from itertools import pairwise
 
 import pytest
 
+from lab.bench.fear.kinds import DRIVEN, LEFT, STOPPED, kind_of
 from lab.bench.study.conditions import (
-    DRIVEN,
     DRIVERS,
-    LEFT,
     LIGHTS,
     ROADS,
     SPEEDS_MPS,
-    STOPPED,
     WEATHERS,
     Conditions,
     StudiedDrive,
     all_conditions,
-    kind_of,
     mean_of,
     tables,
 )
