@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from cockpit.logbook.story import Story
-from trepid.causes import concerning, line_words
+from trepid.causes import concerning, in_words, line_words
 from trepid.recording.reader import RecordingContent
 
 SHOWN_RULES, SHOWN_CHANGES, SHOWN_RISES = 6, 5, 6
@@ -85,7 +85,7 @@ def _sight(story: Story) -> str:
     sight = story["sight"]
     if sight is None:
         return "The image did not say how far the camera sees."
-    by = f": {sight['sight_cause']}" if sight["sight_cause"] else ""
+    by = f": {in_words(sight['sight_cause'])}" if sight["sight_cause"] else ""
     return f"The camera sees {sight['sight_m']:.0f} m{by}."
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -181,7 +182,17 @@ def test_the_answer_says_how_far_the_camera_sees_and_what_ends_its_sight(tmp_pat
     drive = recall(record_drive(tmp_path / "fog.mcap", scenario))
     found = story(drive, 0.9)
     assert found["sight"]["sight_cause"] == "fog" and 35 < found["sight"]["sight_m"] < 60
-    assert f"The camera sees {found['sight']['sight_m']:.0f} m: fog." in story_text(found)
+    assert f"The camera sees {found['sight']['sight_m']:.0f} m: fog, rain or snow." in story_text(found)
+
+
+def test_the_answer_says_that_a_crest_is_ahead_and_that_the_car_slows_for_it(tmp_path: Path) -> None:
+    profile = [(2, 0.0), (30, 0.08), (32, 0.08), (87, -0.08), (132, 0.0)]
+    elevation = str([{"at_m": at_m, "grade": grade} for at_m, grade in profile])
+    scenario = load_scenario("sharp_crest", {"elevation": elevation, "duration_s": "5"})
+    drive = recall(record_drive(tmp_path / "crest.mcap", scenario))
+    text = story_text(story(drive, 4.9))
+    assert re.search(r"The car said: at most [\d.]+ m/s: sight of \d+ m \(crest ahead\)\.", text)
+    assert re.search(r"The camera sees \d+ m: crest ahead\.", text)
 
 
 def test_the_answer_says_that_the_driver_was_warned_of_a_line(calm: Recall) -> None:
