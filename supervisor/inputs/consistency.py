@@ -151,9 +151,8 @@ class Consistency:
             return Steadiness(0.0, KNOWN_M)
         self._tracks[s.estimator] = track
         jitter_m = math.sqrt(track.square_m2.mean) if s.lane is not None else 0.0
-        if s.marked is not None:  # it tracks lines or edges
-            jitter_m = at_least(track.drift.drift_m, jitter_m)
-        return Steadiness(jitter_m, math.sqrt(track.path_jitter.square_m2.mean))
+        drift_m = track.drift.drift_m if s.marked is not None else 0.0  # marked: it tracks lines or edges
+        return Steadiness(at_least(drift_m, jitter_m), math.sqrt(track.path_jitter.square_m2.mean))
 
 
 def _comparison_m(s: ValidatedEstimate) -> float:
@@ -165,7 +164,7 @@ class EdgeWay(NamedTuple):
     """The edges of a road without lines over the last metres of way."""
 
     doubt: float  # mean of 1 - confidence of edges, of 0 for lines, the nearer the heavier [0..1]
-    unmarked_m: float  # since lines were measured, at most LONG_UNMARKED_M
+    unmarked_m: float  # without lines, less that with lines since, 0..LONG_UNMARKED_M
 
 
 class Edges:
@@ -173,20 +172,21 @@ class Edges:
 
     def __init__(self) -> None:
         self._doubt = RunningMean(0.0)
-        self._unmarked_m = LONG_UNMARKED_M  # no lines yet
+        self._unmarked_m = math.inf  # no lines yet
         self._last_s: float | None = None
 
     def step(self, seen: list[ValidatedEstimate], motion: Motion | None, *, now_s: float) -> EdgeWay:
-        """The means over the last EDGES_M and the way since lines.
+        """The means over the last EDGES_M and the way without lines.
 
-        Without an estimator that distinguishes edges from lines the doubt stays as it is, and the way grows.
+        Without an estimator of marking the doubt stays as it is, and the way grows; lines take back what they last.
         """
         way_m = 0.0 if self._last_s is None else abs((motion or STANDING).speed_mps) * (now_s - self._last_s)
         self._last_s, way_m = now_s, at_least(way_m, 0.0)
-        self._unmarked_m = at_most(self._unmarked_m + way_m, LONG_UNMARKED_M)
+        known_m, self._unmarked_m = at_most(self._unmarked_m, LONG_UNMARKED_M), self._unmarked_m + way_m
         estimate = surest_of_marking(seen)
         if estimate is not None:
             doubt = 0.0 if estimate.marked else 1.0 - (estimate.confidence or 0.0)
             self._doubt = self._doubt.moved_mean(doubt, way_m, length=EDGES_M)
-            self._unmarked_m = 0.0 if estimate.marked else self._unmarked_m
-        return EdgeWay(self._doubt.mean, self._unmarked_m)
+            if estimate.marked:  # not all of it at once: patches of snow look like lines in single frames
+                self._unmarked_m = at_least(known_m - way_m, 0.0) if math.isfinite(self._unmarked_m) else 0.0
+        return EdgeWay(self._doubt.mean, at_most(self._unmarked_m, LONG_UNMARKED_M))

@@ -78,3 +78,24 @@ def test_the_way_without_lines_does_not_grow_at_standstill_and_is_bounded() -> N
     standing = [edges.step(unmarked, Motion(0.0, 0.0), now_s=100.0 + n).unmarked_m for n in range(9)]
     assert set(standing) == {before.unmarked_m}
     assert drive_edges(edges, unmarked, way_m=100.0, from_s=200.0).unmarked_m == LONG_UNMARKED_M
+
+
+def test_lines_take_back_the_way_without_lines_that_they_last() -> None:
+    edges = Edges()
+    drive_edges(edges, [estimate_of(0.9, marked=True)], way_m=5.0)
+    drive_edges(edges, [estimate_of(0.9, marked=False)], way_m=20.0, from_s=10.0)
+    lines = [estimate_of(0.9, marked=True)]
+    assert drive_edges(edges, lines, way_m=8.0, from_s=20.0).unmarked_m == pytest.approx(12.0)
+    assert drive_edges(edges, lines, way_m=20.0, from_s=30.0).unmarked_m == 0.0
+
+
+@pytest.mark.parametrize(("lines_m", "ends_m"), [(1.0, LONG_UNMARKED_M), (3.0, 0.0)])
+def test_lines_that_come_and_go_count_where_they_are_seen_over_most_of_the_way(
+    lines_m: float, ends_m: float
+) -> None:
+    edges = Edges()
+    drive_edges(edges, [estimate_of(0.9, marked=True)], way_m=5.0)
+    for n in range(1, 40):  # patches of snow at night, or dashes
+        drive_edges(edges, [estimate_of(0.9, marked=False)], way_m=2.0, from_s=20.0 * n)
+        last = drive_edges(edges, [estimate_of(0.9, marked=True)], way_m=lines_m, from_s=20.0 * n + 10.0)
+    assert abs(last.unmarked_m - ends_m) <= lines_m + 1e-9
