@@ -60,7 +60,7 @@ WHY = {
     "lane_width_error": "another width than that of lanes indicates a shoulder, two lanes or a tar seam",
     "lane_width": "the margin for errors on a bridge, at road works, on a narrow road; bridges are not detected",
     "unmarked": "roads without markings have ragged edges, no standard width and no centre line",
-    "unmarked_way": "between two dashes some frames show only edges; where lines end, all do for longer",
+    "unmarked_way": "between two dashes few frames show only edges; where lines end, all do; in snow, most",
     "edge_doubt": "trodden snow shows false edges in places; a road without lines shows its edges all along",
     "brightness": "dark images contain no road",
     "contrast": "fog, a fogged lens or a wall leave no features",
