@@ -243,7 +243,7 @@ class Decision:
     path_source: str  # e.g. "cv+cnn", "cv", "memory", "lead", "none"
     sources: tuple[str, ...]  # estimator names …
     trust: tuple[float, ...]  # … and their weights in the fusion, sum 1 (empty without fusion)
-    disagreement_mps2: float | None = None  # |Δκ_cmd|·v² between estimators
+    disagreement_mps2: float | None = None  # |Δκ_cmd|·v² between estimators, v a look-ahead a second
     sight_m: float | None = None  # distance from the rear axle that the car may rely on; None: not known
     sight_cause: str = ""  # cause that ends it (trepid.causes); "": none
     sight_cap_mps: float | None = None  # the speed from which the car stops within it; None: no limit

@@ -69,7 +69,9 @@ class FusionResult(NamedTuple):
     path: Path | None
     sources: tuple[str, ...]  # the fused estimators
     trust: tuple[float, ...]  # their shares; sums to 1; empty when nothing was fused
-    disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
+    disagreement_mps2: (
+        float | None
+    )  # greatest |Δκ_cmd|·v² of two estimates at v = ℓ/lookahead_s; None with fewer than two
     # the part beyond what both state to know, times their share (:func:`_disagreement`); 0 with fewer than two
     weighted_disagreement_mps2: float
     weighted_separation_m: float  # likewise of two lateral offsets, the least over ``lasting_s``
@@ -85,9 +87,7 @@ class WeightedLane(NamedTuple):
     weight: float  # 1/σ², per squared tolerance
     lookahead_m: float
     ahead_m: float  # lateral position of the lane at the common look-ahead, + left
-    measured: bool = (
-        True  # False: the arc of a steering angle, of which only the position at the look-ahead is known
-    )
+    measured: bool = True  # False: the arc of a steering angle, known at the look-ahead only
     ahead_sigma_m: float = 0.0  # standard deviation of ``ahead_m``; 0: not stated
     here_sigma_m: float = 0.0  # likewise of the position at the axle
 
@@ -158,7 +158,7 @@ class Fusion:
             self._memory = self._join_lanes(group, remembered, t_s, lookahead_m)
         else:
             self._memory = self._before._replace(path=coasted)
-        speed2 = moving.speed_mps**2
+        speed2 = (lookahead_m / self._settings.lookahead_s) ** 2  # a slower car comes to that place as well
         return FusionResult(
             path=self._memory.path,
             sources=tuple([view.name for view in group]),

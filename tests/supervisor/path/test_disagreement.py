@@ -64,6 +64,13 @@ def test_a_bend_of_small_deviation_on_a_straight_road_is_a_second_road_at_every_
     assert found.weighted_disagreement_mps2 > 2.0
 
 
+@pytest.mark.parametrize("speed_mps", [0.0, 1.0, 3.0, 7.9])
+def test_two_roads_contradict_each_other_as_much_before_a_slow_car(speed_mps: float) -> None:
+    found = fuse(0.04, speed_mps, of_cv=SURE_M, of_cnn=SURE_M)
+    at_look_ahead = fuse(0.04, SETTINGS.min_lookahead_m / SETTINGS.lookahead_s, of_cv=SURE_M, of_cnn=SURE_M)
+    assert found.weighted_disagreement_mps2 == pytest.approx(at_look_ahead.weighted_disagreement_mps2)
+
+
 @given(st.floats(-0.05, 0.05), speeds, deviations, deviations)
 def test_a_larger_deviation_never_raises_and_a_larger_difference_never_lowers_the_disagreement(
     bend_1pm: float, speed_mps: float, of_cv: tuple[float, ...], of_cnn: tuple[float, ...]
