@@ -63,7 +63,8 @@ def bench(
         bool,
         typer.Option(
             help="perception, real, imitation, fear-severity, sight, people, tracks, tiles, hills, junctions,"
-            " study-rules: a part of it; fear-supervision: the supervised car alone; study-conditions: one seed."
+            " study-rules, study-trunks: a part of it; fear-supervision: the supervised car alone;"
+            " study-conditions: one seed."
         ),
     ] = False,
     repeats: Annotated[
