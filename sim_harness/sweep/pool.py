@@ -1,17 +1,19 @@
 """A pool of worker processes on this machine.
 
 Each worker is a fresh interpreter that handles one task at a time. A worker that is killed loses only that task. An
-interrupt ends all workers at once, and workers end themselves when the process that started them ends.
+interrupt ends all workers at once, and workers end themselves when the process that started them ends. They import
+the script that runs only for what it defines itself: it needs no guard against being executed in each of them.
 """
 
 import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 import traceback
-from collections.abc import Callable, Generator, Iterable, Mapping
-from contextlib import closing
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import islice
 from multiprocessing.connection import Connection, wait
@@ -95,10 +97,11 @@ def imap(work: Callable[[Task], Result], tasks: Iterable[Task], jobs: int) -> Ge
                 due += 1
 
 
-def start(target: Callable[..., object], *arguments: object) -> SpawnProcess:
+def start(target: Callable[..., object], *arguments: object, script: bool = True) -> SpawnProcess:
     """Start ``target(*arguments)`` in a fresh interpreter whose libraries use one thread.
 
-    Keyboard interrupts do not reach the process: its starter ends it. It ends itself when its starter has ended.
+    With ``script`` it imports the script that runs, if one does, as usual with multiprocessing. Keyboard interrupts
+    do not reach the process: its starter ends it. It ends itself when its starter has ended.
     """
     process = _CONTEXT.Process(target=_run, args=(target, *arguments), daemon=True)
     ensure_running()  # a tracker that a worker starts would not have the mask below
@@ -106,12 +109,25 @@ def start(target: Callable[..., object], *arguments: object) -> SpawnProcess:
     added = {name: value for name, value in ONE_THREAD.items() if name not in os.environ}
     os.environ.update(added)
     try:
-        process.start()
+        with nullcontext() if script else _hide_script():
+            process.start()
     finally:
         for name in added:
             del os.environ[name]
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return process
+
+
+@contextmanager
+def _hide_script() -> Iterator[None]:
+    """A new process finds the script by its file name, and imports none without."""
+    program = vars(sys.modules["__main__"])
+    name = program.pop("__file__", None)
+    try:
+        yield
+    finally:
+        if name is not None:
+            program["__file__"] = name
 
 
 def _run(target: Callable[..., object], *arguments: object) -> None:
@@ -145,7 +161,7 @@ class _Worker(Generic[Key, Task, Result]):
     def start(cls, work: Callable[[Task], Result], key: Key, task: Task) -> "_Worker[Key, Task, Result]":
         """A new process with its first task."""
         ours, theirs = _CONTEXT.Pipe()
-        process = start(_serve, theirs, work)
+        process = start(_serve, theirs, work, script=b"__main__" in pickle.dumps((work, task)))
         theirs.close()  # the worker then holds the only other end, and its end closes the pipe
         worker = cls(process, ours, key)
         worker.give(key, task)

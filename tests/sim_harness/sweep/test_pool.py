@@ -100,6 +100,21 @@ def test_an_exception_that_cannot_be_pickled_is_raised_as_text():
         list(imap(raise_stubborn, (0,), 1))
 
 
+def test_a_script_without_a_guard_is_executed_once(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from sim_harness.sweep.pool import imap\nprint(list(imap(abs, (-1, 2), 2)), __file__)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == (f"[1, 2] {script}\n", "")
+
+
 def test_closing_kills_the_workers():
     with closing(imap(time.sleep, (0.0, 600.0, 600.0), 2)) as results:
         next(results)
