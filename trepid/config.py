@@ -170,15 +170,15 @@ def place_of_edit(path: Path) -> Path:
 
 def default_names(folder: str) -> list[str]:
     """Names, sorted and without suffix, of the YAML files in ``folder`` of ``config/`` and of the car."""
-    car = car_folder()
-    tops = [CONFIG_DIR, *([car] if car is not None else [])]
+    tops = [CONFIG_DIR, *filter(None, [car_folder()])]
     return sorted({path.stem for top in tops for path in (top / folder).glob("*.yaml")})
 
 
 def resource(path: Path) -> Path:
     """The file at ``path`` of a setting: in the folder of the car if it is there, else as shipped."""
     car = car_folder()
-    return car / path if car is not None and (car / path).exists() else ROOT / path
+    shipped = CONFIG_DIR.joinpath(*path.parts[1:]) if path.parts[:1] == ("config",) else ROOT / path
+    return car / path if car is not None and (car / path).exists() else shipped
 
 
 def load(path: Path, model: type[S], *, overrides: Mapping[str, str] | None = None) -> S:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, Settings, editing_yaml, load
+from trepid.config import CAR, CONFIG_DIR, InputError, Settings, editing_yaml, load, resource
 
 
 class Inner(Settings):
@@ -160,3 +160,16 @@ def test_a_missing_or_binary_file_is_named(tmp_path: Path, content: bytes | None
 def test_the_shipped_vehicle_and_camera_load() -> None:
     assert load(CONFIG_DIR / "vehicle.yaml", Vehicle).wheelbase_m > 0
     assert load(CONFIG_DIR / "camera.yaml", Camera).height_m > 0
+
+
+def test_a_file_of_the_settings_is_that_of_the_car_else_that_of_the_installation(tmp_path, monkeypatch):
+    car, installed = tmp_path / "car", tmp_path / "installed" / "defaults"
+    for top in (car / "config", installed):
+        top.mkdir(parents=True)
+        (top / "map.yaml").touch()
+    monkeypatch.setattr("trepid.config.CONFIG_DIR", installed)
+    monkeypatch.setenv(CAR, "")
+    assert resource(Path("config/map.yaml")) == installed / "map.yaml"
+    monkeypatch.setenv(CAR, str(car))
+    assert resource(Path("config/map.yaml")) == car / "config" / "map.yaml"
+    assert resource(Path("config/other.yaml")) == installed / "other.yaml"
