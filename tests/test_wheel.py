@@ -1,6 +1,7 @@
 """Wheel and sdist, installed into an environment of their own, work from an empty folder. Run by `make wheel`."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ from page_rig import console_blocks
 from wheel_rig import Installation, build_wheel, install_package
 
 from trepid.clothoid import Lane
+from trepid.config import ROOT
 
 pytestmark = pytest.mark.wheel
 
@@ -92,6 +94,37 @@ def test_the_commands_of_the_first_fifteen_minutes_run_in_their_order(wheel: Ins
             continue  # the test above
         done = wheel.trepid(*words)
         assert done.returncode == 0, f"{words}: {done.stdout}{done.stderr}"
+
+
+SHORTER = {
+    '"duration_s": 20': '"duration_s": 1',
+    "seeds=8, jobs=2": "seeds=2, jobs=2, settings={'duration_s': 1}",
+    "=42": "=1",
+}
+
+
+@pytest.fixture(scope="module")
+def reader(wheel: Installation) -> Installation:
+    """What the Python of the pages reads."""
+    for command in (
+        "example copy config --force",
+        "sim run straight --set duration_s=3 --record drive.mcap",
+        "export drive.mcap clip.mp4",
+    ):
+        done = wheel.trepid(*command.split())
+        assert done.returncode in (0, 1), done.stderr
+    return wheel
+
+
+@pytest.mark.parametrize("page", ["python.md", "latency.md"])
+def test_the_python_of_a_page_runs_as_a_script(reader: Installation, page: str) -> None:
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    (snippet,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    for whole, short in SHORTER.items():
+        snippet = snippet.replace(whole, short)
+    (reader.work / "snippet.py").write_text(snippet, encoding="utf-8")
+    done = reader.run("python", "snippet.py", timeout_s=600)
+    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
 
 
 def test_the_sdist_contains_the_same_files(

@@ -60,8 +60,9 @@ def test_the_wheel_drives_in_an_empty_environment(minor: int, wheel: Path, tmp_p
     python = interpreter(minor)
     if python is None:
         pytest.skip(f"no Python 3.{minor} on this machine")
-    found = Installation(tmp_path / "environment", tmp_path / "empty")
+    found = Installation(tmp_path / "environment", tmp_path / "empty", tmp_path / "home")
     found.work.mkdir()
+    found.home.mkdir()
     call(python, "-m", "venv", found.environment)
     pip = [found.environment / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "--quiet"]
     install_s = call(*pip, "install", wheel)
