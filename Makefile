@@ -50,7 +50,7 @@ endef
 # Keep byte code, also where the environment says otherwise: the tests start Python hundreds of times.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup drive test inputs long live suite wheel pythons docs lock release proof mutation lint train acados clean
+.PHONY: help setup drive test inputs long live suite wheel documented pythons docs lock release proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
@@ -60,6 +60,7 @@ help:
 	@echo "make live    every process of a live drive killed, frozen or left alone: the tests of this kind that make test omits"
 	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
 	@echo "make wheel   build wheel and sdist, install them, and use them from an empty folder"
+	@echo "make documented  every command of the pages from the installed wheel, a folder for each page (ARGS='-k rc.md')"
 	@echo "make pythons the wheel in an empty environment of each Python here, with the libraries of the package index"
 	@echo "make docs    build the documentation site in out/site, with a check of its links"
 	@echo "make lock    write requirements.lock from pyproject.toml and constraints.txt (needs uv)"
@@ -124,6 +125,10 @@ suite: $(TESTED)
 wheel: $(TESTED)
 	@echo "== pytest -m wheel"
 	@$(BIN)/python -m pytest -m wheel tests/test_wheel.py $(ARGS)
+
+documented: $(TESTED)
+	@echo "== pytest -m wheel, the commands of the pages"
+	@$(BIN)/python -m pytest -m wheel tests/test_wheel_pages.py $(ARGS)
 
 pythons: $(TESTED)
 	@echo "== pytest -m proof, the Pythons of this machine"

@@ -1,34 +1,24 @@
 """The commands in README.md, CONTRIBUTING.md, docs/*.md and the help: each one parses, and the quick ones run.
 
-A command is a line of a fenced block that begins with ``trepid`` or ``make``, after an optional ``$``. It ends at a
-comment, a redirection or three spaces. A line in which ``[`` or ``…`` stands for optional parts is a synopsis; it
-must name an existing verb and existing options, and so must a command in running text (between backticks).
+A synopsis, and a command in running text, must name an existing verb and existing options.
 """
 
 import re
-import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
-from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 import typer
+from command_rig import MAKE, SYNOPSIS, TREPID, TYPED, DocumentedCommand, commands_of, outputs, resolve
+from short_form_rig import BESIDE_A_DRIVE, FORMS, OTHER_PROGRAMS, TRIED_ANYWAY, UNTRIED, begins, is_tried
 from typer.exceptions import TyperException
 
-from trepid.cli import app, examples, main, verbs
+from trepid.cli import main
 from trepid.config import CAR, ROOT, use_car
-
-PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
-LANGUAGES = ("", "console", "bash", "sh", "shell")
-FENCE = re.compile(r"^\s*```\s*(\w*)")
-COMMAND = re.compile(r"^\s*(?:\$ )?((?:trepid|make) .*)$")
-INLINE = re.compile(r"(?<!`)`((?:trepid|make)\s[^`]+)`(?!`)")
-SYNOPSIS = re.compile(r"[\[\]…]|\.\.\.")
 
 SHORT = ["--set", "sight=truth", "--set", "duration_s=1"]
 """A second on the exact lane, without rendering."""
@@ -54,46 +44,6 @@ files does not exist.
 """
 
 
-class DocumentedCommand(NamedTuple):
-    """A command and the place where it is documented."""
-
-    place: str
-    text: str
-    inline: bool = False
-
-    @property
-    def words(self) -> list[str]:
-        """The words of the command as a shell splits them, without comment and redirection."""
-        words = shlex.split(re.split(r"\s{3,}", self.text)[0], comments=True)
-        ends = [words.index(sign) for sign in ("|", ">", ">>", "<", "&&", ";", "\\") if sign in words]
-        return words[: min(ends, default=len(words))]
-
-
-def commands_of(page: Path, text: str) -> Iterator[DocumentedCommand]:
-    """The commands of a page."""
-    language: str | None = None
-    for command in INLINE.finditer(
-        re.sub(r"(?ms)^\s*```.*?^\s*```", lambda m: "\n" * m.group().count("\n"), text)
-    ):
-        number = text.count("\n", 0, text.find(command.group())) + 1
-        yield DocumentedCommand(f"{page.name}:{number}", " ".join(command.group(1).split()), inline=True)
-    for number, line in enumerate(text.splitlines(), start=1):
-        fence = FENCE.match(line)
-        if fence:
-            language = fence.group(1).lower() if language is None else None
-        elif language in LANGUAGES and (command := COMMAND.match(line)):
-            yield DocumentedCommand(f"{page.name}:{number}", command.group(1))
-
-
-COMMANDS = [command for page in PAGES for command in commands_of(page, page.read_text(encoding="utf-8"))]
-COMMANDS += [DocumentedCommand(f"help of {words}", example) for words, example in examples().items()]
-COMMANDS += [
-    DocumentedCommand(f"help of {name}", verb.example) for name, verb in verbs().items() if verb.example
-]
-TREPID = [command for command in COMMANDS if command.words[0] == "trepid"]
-MAKE = [command for command in COMMANDS if command.words[0] == "make"]
-
-
 @pytest.fixture(autouse=True)
 def any_car(monkeypatch: pytest.MonkeyPatch) -> None:
     """``--car mycar`` of a page names a folder that does not exist here; tests/test_your_car.py makes one.
@@ -107,19 +57,6 @@ def any_car(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def place(command: DocumentedCommand) -> str:
     return command.place
-
-
-def resolve(words: list[str]) -> tuple[str, typer.core.TyperCommand, list[str]]:
-    """Verb, its command and the words after it. Raises AssertionError for an unknown verb."""
-    command, verb = typer.main.get_group(app), []
-    while hasattr(command, "commands"):
-        if not words or words[0].startswith("-"):
-            break
-        assert words[0] in command.commands, f"no verb {' '.join([*verb, words[0]])!r}"
-        command = command.commands[words[0]]
-        verb.append(words[0])
-        words = words[1:]
-    return " ".join(verb), command, words
 
 
 def options_of(command: typer.core.TyperCommand) -> set[str]:
@@ -215,33 +152,24 @@ def test_a_wrong_command_would_be_found(text: str) -> None:
         check(command)
 
 
-WRITES = ("--out", "--record", "--report", "--trace", "--annotate", "--picture")
-WRITTEN = {
-    **{"init": 0, "keys create": 0, "dataset build": 0, "dataset join": 0, "dataset export": 1, "export": 1},
-    **{"sim road export": 1, "sim road import": 1, "example copy": 1},
-}
-"""Verb -> the place of the file or folder that it writes among the words after the verb."""
-
-
-def outputs(command: DocumentedCommand) -> set[str]:
-    """The relative paths that a documented command writes."""
-    words = command.words[1:]
-    found = {word for option, word in pairwise(words) if option in WRITES}
-    for verb, index in WRITTEN.items():
-        if words[: len(verb.split())] == verb.split():
-            found.update(
-                [word for word in words[len(verb.split()) :] if not word.startswith("-")][index:][:1]
-            )
-    return {path for path in found if not path.startswith(("/", "~", "lab/results"))}
-
-
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="an installation is no clone")
 def test_what_documented_commands_write_in_a_clone_is_ignored_by_git() -> None:
-    typed = [command for command in TREPID if not command.inline and not SYNOPSIS.search(command.text)]
-    paths = sorted({path for command in typed for path in outputs(command)})
+    paths = sorted({path for one in TYPED if one.words[0] == "trepid" for path in outputs(one)})
     folders = [path if Path(path).suffix else f"{path}/" for path in paths]
     asked = subprocess.run(
         ["git", "check-ignore", "--no-index", *folders], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert sorted(set(folders) - set(asked.stdout.split())) == []
     assert {"drive.mcap", "mycar/", "runs/", "circuit.xodr"} <= set(folders)
+
+
+def test_every_command_is_tried_from_a_wheel_or_has_a_reason_with_tests_that_exist() -> None:
+    others = [one for one in TYPED if not is_tried(one)]
+    assert {one.words[0] for one in others} - {"trepid"} == OTHER_PROGRAMS.keys()
+    said = [one for one in TYPED if one.words[0] == "trepid"]
+    known = (*UNTRIED, *TRIED_ANYWAY, *BESIDE_A_DRIVE, *(form.beginning for form in FORMS))
+    assert [beginning for beginning in known if not any(begins(one, beginning) for one in said)] == []
+    reasons = " ".join([*UNTRIED.values(), *OTHER_PROGRAMS.values()])
+    named = re.findall(r"tests/[\w/.]+\w", reasons)
+    assert [path for path in named if not Path(ROOT / path).exists()] == []
+    assert sum(map(is_tried, TYPED)) > 20 * len(UNTRIED)

@@ -18,6 +18,16 @@ FILE = read(CONFIG_DIR / "actuator.yaml")
 STEERING = dict(FILE["pca9685"]["steering"])
 THROTTLE = dict(FILE["pca9685"]["throttle"])
 STEERING_CHANNEL, THROTTLE_CHANNEL = STEERING["channel"], THROTTLE["channel"]
+FLAT = """\
+DRIVE_TRAIN_TYPE = "I2C_SERVO"
+STEERING_CHANNEL = 3
+STEERING_LEFT_PWM = 300
+STEERING_RIGHT_PWM = 450
+THROTTLE_CHANNEL = 5
+THROTTLE_FORWARD_PWM = 450
+THROTTLE_STOPPED_PWM = 370
+"""
+"""``myconfig.py`` of a donkeycar whose board has its numbers on the first level."""
 
 
 class Time:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from rc_rig import FLAT
 
 from cockpit.car.donkeycar import read_donkeycar
 from trepid.cli import main
@@ -32,15 +33,6 @@ PWM_STEERING_THROTTLE = {
     "THROTTLE_REVERSE_PWM": 220,
 }
 JOYSTICK_MAX_THROTTLE = 0.8
-"""
-FLAT = """\
-DRIVE_TRAIN_TYPE = "I2C_SERVO"
-STEERING_CHANNEL = 3
-STEERING_LEFT_PWM = 300
-STEERING_RIGHT_PWM = 450
-THROTTLE_CHANNEL = 5
-THROTTLE_FORWARD_PWM = 450
-THROTTLE_STOPPED_PWM = 370
 """
 
 
