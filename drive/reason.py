@@ -104,6 +104,8 @@ def _limit_words(decision: Decision) -> str:
             seen = "" if decision.sight_m is None else f" of {decision.sight_m:.0f} m"
             by = f" ({in_words(decision.sight_cause)})" if decision.sight_cause else ""
             said = f"{most}: sight{seen}{by}"
+        case Limit.NETWORK:
+            said = f"{most}: speed of the driving network"
         case Limit.CRUISE:
             said = f"{most}: cruise speed"
         case Limit.PROCESS:

@@ -6,7 +6,7 @@ Each estimator is imported when it is built: a process of a car loads its own on
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -45,9 +45,12 @@ class ScaledEstimator:
         self._estimator, self._reference = estimator, ReferenceWorld(scale)
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
-        """The estimate of ``frame`` with lengths of the car's own world."""
+        """The estimate of ``frame`` with lengths of the car's own world.
+
+        A proposed speed is that of the driver of such a car: it is in this world already.
+        """
         estimate = self._estimator.step(frame, self._reference.enlarge("state", state), now_s=now_s)
-        return self._reference.restore(estimate)
+        return replace(self._reference.restore(estimate), speed_mps=estimate.speed_mps)
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,6 +52,7 @@ class Limit(StrEnum):
     LEAD = "lead"  # the gap to the vehicle ahead, or its pace while it is followed
     ROAD_USER = "road_user"  # a person, cyclist or animal
     SIGHT = "sight"  # the way that the camera sees
+    NETWORK = "network"  # the speed that a driving network proposes
     STOP = "stop"
 
 
@@ -130,6 +131,8 @@ class SteeringEstimate:
     kind: EstimateKind = EstimateKind.LANE  # the same for every message of an estimator
     # standard deviation of the lateral position of the lane centre at SIGMA_AHEAD_M; (): not known
     ahead_sigma_m: tuple[float, ...] = ()
+    # that a driving network proposes, at least 0; it may only lower the speed of the car. None: no proposal
+    speed_mps: float | None = None
 
     @property
     def has_boundaries(self) -> bool:

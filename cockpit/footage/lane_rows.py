@@ -38,6 +38,7 @@ def estimate_fields(result: SteeringEstimate, latency_ms: float | None) -> dict[
         "confidence": result.confidence,
         "lanes_detected": result.lanes_detected,
         "lane_width_m": result.lane_width_m,
+        "speed_mps": result.speed_mps,
         "latency_ms": latency_ms,
         "reason": result.reason,
         "left_boundary_px": as_path(result.left_boundary_px) or None,

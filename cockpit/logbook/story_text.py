@@ -102,6 +102,8 @@ def _cap_words(story: Story) -> str:
             return f"allowed {cap} by {_road_user(story)}"
         case "lead":
             return f"allowed {cap} by the gap to the vehicle ahead"
+        case "network":
+            return f"allowed {cap} by the driving network"
         case _:
             return f"allowed {cap}"
 
@@ -183,6 +185,8 @@ def _reason(story: Story) -> str:
             return f"Reason: {_road_user(story)}; mode {story['mode']}, {fear}."
         case "lead":
             return f"Reason: time gap to the vehicle ahead; mode {story['mode']}, {fear}."
+        case "network":
+            return f"Reason: speed that the driving network proposes; mode {story['mode']}, {fear}."
         case _:
             return f"Reason: {fear}; mode {story['mode']}."
 

@@ -117,9 +117,14 @@ def draw(picture: Path, bench: "Bench", model: "JudgedModel", found: "Prediction
 
 
 def closing_lines(row: dict[str, Any]) -> list[str]:
-    """What the comparison with the baselines says about a model: its findings, then the conclusion."""
-    findings = [f"{row['model']}: finding: {one['sentence']}" for one in row["findings"]]
-    return [*findings, f"{row['model']}: {row['conclusion']}"]
+    """What the comparison with the baselines says about a model: its findings, its speeds, then the conclusion."""
+    lines = [f"{row['model']}: finding: {one['sentence']}" for one in row["findings"]]
+    if speed := row["speed"]:
+        beside = speed.get("mean_speed_rmse_mps")
+        mean = "" if beside is None else f"; of the mean speed of the training {beside:.2f} m/s"
+        error = f"rms error of the speed {speed['rmse_mps']:.2f} m/s on {speed['frames']} frames{mean}"
+        lines.append(f"{row['model']}: {error}")
+    return [*lines, f"{row['model']}: {row['conclusion']}"]
 
 
 def cells(row: dict[str, Any]) -> list[str]:

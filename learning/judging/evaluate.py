@@ -99,6 +99,7 @@ class Bench:
         self.true_deg: Angles = self.rows["road_wheel_rad"] * self.unit_deg
         self._lights = light_names(self.rows["light"])
         self.baselines = self._without_image.scores(self.unit_deg)
+        self._learned_mps: Angles = (trained or dataset).rows("train")["speed_mps"]
 
     def row(self, model: JudgedModel, found: Predictions) -> dict[str, Any]:
         """The scores of ``model``; those of an estimator on the frames with an answer."""
@@ -118,6 +119,7 @@ class Bench:
             "latency_ms": float(np.median(found.latency_ms)),
             "latency_p99_ms": float(np.percentile(found.latency_ms, 99)),
             "baselines": self.baselines,
+            "speed": scores.speed_errors(found.speed_mps, self.rows["speed_mps"], self._learned_mps),
         }
         learning = self._without_image.learning(found.angle_rad, unit_deg=self.unit_deg)
         row |= {"findings": [asdict(one) for one in learning.findings], "conclusion": learning.conclusion}

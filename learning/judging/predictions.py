@@ -19,9 +19,9 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame
 from trepid.types import Image
 
-Answer = tuple[float, float, float, float]
-"""Angle [rad], interval half width [rad], unlike, confidence; NaN where the model gives none."""
-_NONE: Answer = (np.nan, np.nan, np.nan, 0.0)
+Answer = tuple[float, float, float, float, float]
+"""Angle [rad], interval half width [rad], unlike, confidence, proposed speed [m/s]; NaN where there is none."""
+_NONE: Answer = (np.nan, np.nan, np.nan, 0.0, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +33,7 @@ class Predictions:
     unlike: Angles
     confidence: Angles
     latency_ms: Angles
+    speed_mps: Angles
 
     @property
     def has_angle(self) -> NDArray[np.bool_]:
@@ -76,8 +77,8 @@ class JudgedModel:
             answers[number] = step(changed, float(row["t_s"]))
             latency_ms[number] = 1e3 * (time.perf_counter() - began_s)
             tick()
-        angle_rad, interval_rad, unlike, confidence = answers.T
-        return Predictions(angle_rad, interval_rad, unlike, confidence, latency_ms)
+        angle_rad, interval_rad, unlike, confidence, speed_mps = answers.T
+        return Predictions(angle_rad, interval_rad, unlike, confidence, latency_ms, speed_mps)
 
     def _stepper(self, dataset: Dataset, rows: Rows, first: Image) -> Callable[[Image, float], Answer]:
         if self.network is not None:
@@ -95,7 +96,8 @@ def _network_step(driver: DrivingEstimator, network: DriverNetwork) -> Callable[
             return _NONE
         known = network.record.confidence(found.scale_rad) if found.unlike <= 1.0 else 0.0
         width_rad = network.record.interval_90 * found.scale_rad
-        return found.road_wheel_rad, width_rad, found.unlike, known
+        speed_mps = np.nan if found.speed_mps is None else found.speed_mps
+        return found.road_wheel_rad, width_rad, found.unlike, known, speed_mps
 
     return step
 
@@ -105,6 +107,7 @@ def _estimator_step(estimator: Estimator) -> Callable[[Image, float], Answer]:
         found = estimator.step(Frame(t_s=t_s, image=image), None, now_s=t_s)
         if found.road_wheel_angle_rad is None:
             return _NONE
-        return found.road_wheel_angle_rad, np.nan, np.nan, found.confidence
+        speed_mps = np.nan if found.speed_mps is None else found.speed_mps
+        return found.road_wheel_angle_rad, np.nan, np.nan, found.confidence, speed_mps
 
     return step

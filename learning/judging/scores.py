@@ -48,6 +48,31 @@ def errors(predicted_deg: Angles, true_deg: Angles) -> Scores:
     }
 
 
+def speed_errors(
+    predicted_mps: NDArray[np.floating],
+    recorded_mps: NDArray[np.floating],
+    learned_mps: NDArray[np.floating],
+) -> dict[str, float] | None:
+    """Errors [m/s] of proposed speeds (n,), beside that of the mean speed of the training at all times.
+
+    ``learned_mps`` (m,) are the speeds of the training. Only frames with both speeds count; None without any.
+    """
+    both = np.isfinite(predicted_mps) & np.isfinite(recorded_mps)
+    if not both.any():
+        return None
+    error = predicted_mps[both].astype(float) - recorded_mps[both]
+    learned = learned_mps[np.isfinite(learned_mps)].astype(float)
+    found = {
+        "frames": int(both.sum()),
+        "rmse_mps": float(np.sqrt(np.mean(error**2))),
+        "mae_mps": float(np.abs(error).mean()),
+        "mean_error_mps": float(error.mean()),
+    }
+    if len(learned):
+        found["mean_speed_rmse_mps"] = float(np.sqrt(np.mean((learned.mean() - recorded_mps[both]) ** 2)))
+    return found
+
+
 def by_size(
     predicted_deg: Angles, true_deg: Angles, edges_deg: Iterable[float], wheel_ratio: float
 ) -> list[Scores]:

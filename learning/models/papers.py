@@ -131,7 +131,8 @@ def _donkey(size: Size, head: Head, *, stride: int) -> SteeringNetwork:
         dense 50                      5 050                   5 050
         angle                            51                     765 (15 bins)
 
-    The output for the throttle is left out (51 and 1 020 weights).
+    The output for the throttle (51 and 1 020 weights) is left out; ``speed: true`` in the recipe adds one for the
+    speed, with 51 weights.
     """
     layers = ((24, 5, 2), (32, 5, 2), (64, 5, 2), (64, 3, stride), (64, 3, 1))
     trunk = convolutions(3, layers, dropout=DONKEY_DROPOUT)

@@ -18,11 +18,12 @@ ORDER, CHANGE, DROPOUT = 0, 1, 2  # streams of random numbers
 
 
 class Batch(NamedTuple):
-    """Frames (n, H, W, 3), or (n, t, H, W, 3) of a recurrent network; labels [rad] and weights (n,) or (n, t)."""
+    """Frames (n, H, W, 3), or (n, t, H, W, 3) of a recurrent network; the others are (n,) or (n, t)."""
 
     images: Tensor
     labels_rad: Tensor
     weights: Tensor
+    speeds_mps: Tensor  # of the driver, of the shape of the labels; NaN: not recorded
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +55,12 @@ class Batches:
             chosen = self.places[order[step * self.size : end]]
             parts = [self.augment(self.frames.images[at], self.frames.labels_rad[at], rng) for at in chosen]
             images, labels = (np.stack(column) for column in zip(*parts, strict=True))
-            weights = self.weights[chosen]
-            if not self.recurrent:
-                images, labels, weights = images[:, 0], labels[:, 0], weights[:, 0]
-            yield Batch(torch.from_numpy(images), torch.from_numpy(labels), torch.from_numpy(weights))
+            columns = [images, labels, self.weights[chosen], self._speeds_mps(chosen)]
+            yield Batch(*(torch.from_numpy(one if self.recurrent else one[:, 0]) for one in columns))
+
+    def _speeds_mps(self, chosen: NDArray[np.int64]) -> Floats:
+        known = self.frames.speeds_mps
+        return np.full(chosen.shape, np.nan, np.float32) if known is None else known[chosen]
 
 
 def seed_step(seed: int, epoch: int, step: int) -> None:

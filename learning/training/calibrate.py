@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from learning.judging.scores import speed_errors
 from learning.models.parts.heads import Head
 from learning.models.parts.network import SteeringNetwork
 from learning.training.frames import Frames
@@ -62,6 +63,14 @@ def _block_quantile(ratios: Floats, coverage: float) -> float:
 def _quantile(ratios: Floats, level: float) -> float:
     """The ⌈(n + 1)·level⌉-th smallest of sorted ``ratios`` (Lei et al., JASA 2018), at most the greatest."""
     return float(ratios[min(math.ceil((len(ratios) + 1) * level), len(ratios)) - 1])
+
+
+def speed_scores(speeds_mps: Floats, train: Frames, validation: Frames) -> dict[str, float]:
+    """Errors of the proposed ``speeds_mps`` (n,) of the validation frames; {} where none of these has a speed."""
+    if train.speeds_mps is None or validation.speeds_mps is None:
+        return {}
+    found = speed_errors(speeds_mps, validation.speeds_mps, train.speeds_mps) or {}
+    return {f"speed_{name}": round(value, 4) for name, value in found.items()}
 
 
 def error_scores(angles_rad: Floats, labels_rad: Floats) -> dict[str, float]:

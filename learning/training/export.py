@@ -26,8 +26,9 @@ def export(
 ) -> float:
     """Write ``path``; the greatest difference between torch and ONNX Runtime [rad].
 
-    Input: ``image`` uint8 (n, H, W, 3) BGR; outputs: ``road_wheel_rad``, ``sigma_rad``, ``unlike``, (n,) each. With
-    a memory also ``state`` (n, s), zeros at first, and ``next_state``. Raises InputError above MAX_DIFFERENCE.
+    Input: ``image`` uint8 (n, H, W, 3) BGR; outputs: ``road_wheel_rad``, ``sigma_rad``, ``unlike``, perhaps
+    ``speed_mps``, (n,) each. With a memory also ``state`` (n, s), zeros at first, and ``next_state``. Raises
+    InputError above MAX_DIFFERENCE.
     """
     fresh = path.with_name(f"{path.name}.new")
     network = network.cpu().eval()
@@ -44,16 +45,16 @@ def export(
     return difference
 
 
-OUTPUTS = ("road_wheel_rad", "sigma_rad")
-
-
 def largest_difference(
-    network: SteeringNetwork, path: Path, frames: Frames, *, names: Sequence[str] = OUTPUTS
+    network: SteeringNetwork, path: Path, frames: Frames, *, names: Sequence[str] | None = None
 ) -> float:
-    """Greatest |torch − ONNX Runtime| of the outputs ``names`` and of the next state over the first frames.
+    """Greatest |torch − ONNX Runtime| of the outputs ``names``, default all, and of the next state.
 
-    That of the state is relative to its greatest number, where this is above 1: its numbers have no bound.
+    Over the first frames. It is relative to the greatest number of an output, where this is above 1: the numbers of
+    a state have no bound.
     """
+    exported = ExportedNetwork(network)
+    names = exported.names if names is None else [*names, *([] if network.memory is None else ["next_state"])]
     images = frames.images[:COMPARED].copy()
     feeds: dict[str, Any] = {"image": images}
     inputs = [torch.from_numpy(images)]
@@ -65,9 +66,8 @@ def largest_difference(
         )
         feeds["state"] = state
         inputs.append(torch.from_numpy(state))
-        names = [*names, "next_state"]
     with torch.no_grad():
-        wanted = dict(zip((*OUTPUTS, "next_state"), ExportedNetwork(network)(*inputs), strict=False))
+        wanted = dict(zip(exported.names, exported(*inputs), strict=True))
     found = open_session(path).run(names, feeds)
     pairs = ((wanted[name].numpy(), f) for name, f in zip(names, found, strict=True))
     return max(float(np.abs(w - f).max() / max(1.0, np.abs(w).max())) for w, f in pairs)
@@ -85,18 +85,18 @@ def origin_commit() -> str:
 
 
 def _write(network: SteeringNetwork, path: Path) -> None:
-    inputs = [torch.zeros(2, *network.size, 3, dtype=torch.uint8)]
-    names, outputs = ["image"], [*OUTPUTS]
+    exported = ExportedNetwork(network).eval()
+    inputs, names = [torch.zeros(2, *network.size, 3, dtype=torch.uint8)], ["image"]
     if network.memory is not None:
         inputs.append(torch.zeros(2, network.memory.state_size))
-        names, outputs = [*names, "state"], [*outputs, "next_state"]
+        names.append("state")
     torch.onnx.export(
-        ExportedNetwork(network).eval(),
+        exported,
         tuple(inputs),
         str(path),
         input_names=names,
-        output_names=outputs,
-        dynamic_axes={name: {0: "n"} for name in (*names, *outputs)},
+        output_names=[*exported.names],
+        dynamic_axes={name: {0: "n"} for name in (*names, *exported.names)},
         opset_version=OPSET,
         dynamo=False,
     )

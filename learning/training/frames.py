@@ -23,6 +23,7 @@ class Frames(NamedTuple):
     stretches: NDArray[np.int32]  # (n,): numbers of stretches of the drives without a pause ...
     pieces: NDArray[np.int64]  # ... and of parts of them of which no frame is left out
     routes: tuple[str, ...]  # their names, each once
+    speeds_mps: Floats | None = None  # (n,) of the driver, NaN: not recorded; None: not read
 
     def __len__(self) -> int:
         return len(self.labels_rad)
@@ -67,6 +68,7 @@ def read_frames(
         rows["stretch"].astype(np.int32),
         pieces_of(rows),
         tuple(dict.fromkeys(rows["route"].tolist())),
+        rows["speed_mps"].astype(np.float32),
     )
 
 

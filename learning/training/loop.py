@@ -220,15 +220,23 @@ class Trainer:
 
     def _loss(self, batch: Batch) -> Tensor:
         device = self.network.scale_rad.device
-        images, labels_rad, weights = (one.to(device) for one in batch)
+        images, labels_rad, weights, speeds_mps = (one.to(device) for one in batch)
         with torch.autocast(device.type, torch.bfloat16, enabled=uses_mixed_precision(self.recipe, device)):
             raw = self.network(images).float()
         if self.network.memory is not None:  # perhaps rows of the last frame alone
-            labels_rad, weights = labels_rad[:, -raw.shape[1] :], weights[:, -raw.shape[1] :]
+            labels_rad, weights, speeds_mps = (
+                one[:, -raw.shape[1] :] for one in (labels_rad, weights, speeds_mps)
+            )
         rows = self.network.head.losses(
-            raw, labels_rad / self.network.scale_rad, loss=self.recipe.loss, beta=self.recipe.beta
+            self.network.steering(raw),
+            labels_rad / self.network.scale_rad,
+            loss=self.recipe.loss,
+            beta=self.recipe.beta,
         )
-        return (rows * weights).mean()
+        loss = (rows * weights).mean()
+        if self.network.speed is not None:
+            loss = loss + self.recipe.speed_weight * self.network.speed.loss(raw, speeds_mps)
+        return loss
 
     def _save(self, steps: torch.optim.Optimizer, mean: nn.Module | None) -> None:
         self.checkpoints.save(
@@ -261,6 +269,15 @@ def predict(network: SteeringNetwork, frames: Frames) -> tuple[Floats, Floats]:
         np.concatenate([one.cpu().numpy() for one in column]) for column in zip(*rows, strict=True)
     )
     return angles.astype(np.float32), sigmas.astype(np.float32)
+
+
+def predict_speeds(network: SteeringNetwork, frames: Frames) -> Floats:
+    """The speeds (n,) [m/s] that a network with such an output proposes for all frames."""
+    assert network.speed is not None
+    network.eval()
+    with torch.no_grad():
+        found = [network.speed.speed_mps(raw).cpu().numpy() for raw in _rows(network, frames)]
+    return np.concatenate(found).astype(np.float32)
 
 
 def mean_error_rad(network: SteeringNetwork, frames: Frames) -> float:

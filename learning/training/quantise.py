@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from learning.dataset.dataset import Dataset
-from learning.training.calibrate import COVERAGE, block_quantile, error_scores
+from learning.training.calibrate import COVERAGE, block_quantile, error_scores, speed_scores
 from learning.training.export import METADATA, describe
 from learning.training.frames import Frames, read_frames, share_of
 from learning.unlike import attach, detach
@@ -74,7 +74,7 @@ def quantise(source: Path, data: Dataset, out: Path, work: Path) -> Comparison:
     describe(small, metadata)
     before, after = _outputs(network, validation), _outputs(DriverNetwork(small), validation)
     ratios = np.abs(after[0] - validation.labels_rad) / after[1]
-    scores = error_scores(after[0], validation.labels_rad)
+    scores = error_scores(after[0], validation.labels_rad) | speed_scores(after[2], train, validation)
     describe(small, metadata | dict(interval_90=block_quantile(ratios, COVERAGE), scores=scores))
     found = Comparison(
         mae_deg=(error_scores(before[0], validation.labels_rad)["mae_deg"], scores["mae_deg"]),
@@ -149,10 +149,15 @@ def _convert(source: Path, small: Path, train: Frames) -> None:
     )
 
 
-def _outputs(network: DriverNetwork, frames: Frames) -> tuple[Floats, Floats]:
-    """Angles and scales of the errors [rad], each (n,)."""
+def _outputs(network: DriverNetwork, frames: Frames) -> tuple[Floats, Floats, Floats]:
+    """Angles and scales of the errors [rad], and speeds [m/s], NaN without one, each (n,)."""
     found = [network(image, None) for image in frames.images]
-    return np.array([one.road_wheel_rad for one in found]), np.array([one.scale_rad for one in found])
+    speeds_mps = [np.nan if one.speed_mps is None else one.speed_mps for one in found]
+    return (
+        np.array([one.road_wheel_rad for one in found]),
+        np.array([one.scale_rad for one in found]),
+        np.array(speeds_mps),
+    )
 
 
 def _times_ms(before: DriverNetwork, after: DriverNetwork, images: Image) -> tuple[float, float]:

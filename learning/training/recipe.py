@@ -78,6 +78,8 @@ class Recipe(Settings):
     width_px: Count | None = None
     dropout: Annotated[float, Field(ge=0, lt=1)] | None = None
     histogram: Literal["none", "equalise", "match"]
+    speed: bool
+    speed_weight: Positive
     flip_bias: Share
     initialisation: Literal["network", "glorot", "he"]
     weights: Path | None = None

@@ -19,13 +19,13 @@ from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.rendered import VERSIONS
 from learning.training.augmentation import Augmenter
 from learning.training.batches import Batches
-from learning.training.calibrate import error_scores, interval, set_sigma
+from learning.training.calibrate import error_scores, interval, set_sigma, speed_scores
 from learning.training.card import check_card, write_card, write_curve
 from learning.training.checkpoint import Checkpoints
 from learning.training.export import export, origin_commit
 from learning.training.frames import Frames, forget_frames, read_frames, share_of
 from learning.training.labels import training_labels, weights
-from learning.training.loop import Progress, Trainer, predict
+from learning.training.loop import Progress, Trainer, predict, predict_speeds
 from learning.training.pretrain import pretrain
 from learning.training.recipe import Recipe
 from learning.training.start import check_start, checkpoints_of, load_first_weights, origin_of, work_folder
@@ -35,6 +35,7 @@ from trepid.config import CONFIG_DIR, InputError, load
 from trepid.types import Floats
 
 HISTOGRAM_FRAMES = 500
+LEAST_SPREAD_MPS = 0.01
 
 
 class Training(NamedTuple):
@@ -75,7 +76,7 @@ def train_network(
         read_frames(data, split, **network.size._asdict(), folder=work, report=report)
         for split in ("train", "validation")
     )
-    train = Frames(train.images, training_labels(data, recipe), train.stretches, train.pieces, train.routes)
+    train = Frames(train.images, training_labels(data, recipe), *train[2:])
     prepare(network, recipe, train, lock_rad=data.wheel.lock_rad)
     for finding in no_variance(train.labels_rad, "train"):
         report(f"finding: {finding.sentence}")
@@ -136,7 +137,10 @@ def run(
 
 
 def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad: float | None) -> None:
-    """Unit, dropout, length of the memory, first weights and reference histogram of an untrained network."""
+    """Unit, dropout, memory, speed output, first weights and reference histogram of an untrained network.
+
+    Raises InputError where there is nothing to learn.
+    """
     greatest = lock_rad or float(np.abs(train.labels_rad).max())
     spread = float(np.sqrt(np.mean(train.labels_rad.astype(float) ** 2)))
     units = dict(rad=1.0, lock=greatest, spread=spread)
@@ -151,6 +155,8 @@ def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad
     if network.memory is not None:
         network.memory.remember(recipe.window)
     network.stride = recipe.stride
+    if recipe.speed:
+        network.add_speed(*_mean_and_spread(train))
     if recipe.initialisation != "network":
         dict(glorot=glorot, he=he)[recipe.initialisation](network)
     network.view.histogram = recipe.histogram
@@ -159,6 +165,14 @@ def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad
         chosen = chosen[:, network.view.crop_px :]  # the view matches what it cuts out
         grey = np.concatenate([cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).ravel() for image in chosen])
         network.view.match(np.bincount(grey, minlength=256))
+
+
+def _mean_and_spread(train: Frames) -> tuple[float, float]:
+    """Of the recorded speeds [m/s]; a deviation of LEAST_SPREAD_MPS at least. Raises InputError without a speed."""
+    known = np.empty(0) if train.speeds_mps is None else train.speeds_mps[np.isfinite(train.speeds_mps)]
+    if not len(known):
+        raise InputError("speed: true, and no training frame has a recorded speed: nothing to learn")
+    return float(known.mean()), max(float(known.std()), LEAST_SPREAD_MPS)
 
 
 def batches_of(
@@ -240,12 +254,21 @@ def _metadata(
         lock_rad=data.wheel.lock_rad,
         interval_90=interval(network, validation),
         commit=origin_commit(),
-        scores=error_scores(predict(network, validation)[0], validation.labels_rad),
+        scores=error_scores(predict(network, validation)[0], validation.labels_rad)
+        | _speed_scores(network, train, validation),
+        speed=network.speed is not None,
         trained_on=list(train.routes),
         licence=sorted({source.licence for source in data.file.sources if source.licence}),
         head=recipe.head,
         stride=recipe.stride,
     )
+
+
+def _speed_scores(network: SteeringNetwork, train: Frames, validation: Frames) -> dict[str, float]:
+    """Errors of the proposed speeds of the validation frames; {} for a network without a speed."""
+    if network.speed is None:
+        return {}
+    return speed_scores(predict_speeds(network, validation), train, validation)
 
 
 def _facts(

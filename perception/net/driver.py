@@ -3,8 +3,9 @@
 A file has the input `image` (uint8, N x H x W x 3, BGR: the whole frame, scaled to H x W by averaging) and the
 outputs `road_wheel_rad`, `sigma_rad` (scale of the error) and `unlike` (distance of the features from those of
 training, relative to the 99 % quantile there; above 1 the image is outside the network's world), each of shape N. A
-recurrent network also has the input `state` and the output `next_state`. The metadata `trepid` holds a
-:class:`DriverRecord`.
+recurrent network also has the input `state` and the output `next_state`; one whose record says so has the output
+`speed_mps`, the speed that the driver of the training would have here, in metres of the car. The metadata `trepid`
+holds a :class:`DriverRecord`.
 
 The interval of 90 % is angle ± q·σ with the conformal factor q (Angelopoulos and Bates, A Gentle Introduction to
 Conformal Prediction (2021), section 2.3.2), so that q·σ/1.645 is the standard deviation of a normal error.
@@ -36,6 +37,7 @@ KIND = "steering"
 TOLERANCE_RAD = math.radians(2.0)  # confidence is the probability of an error below it
 LONGEST_GAP_S = 0.5  # between frames; after a longer one a recurrent network starts anew
 _OUTPUTS = ("road_wheel_rad", "sigma_rad", "unlike")
+SPEED = "speed_mps"
 _NORMAL = NormalDist()
 _Z_90 = _NORMAL.inv_cdf(0.95)  # 1.645: 90 % of normal errors lie within so many deviations
 Numbers = NDArray[np.float32]
@@ -54,6 +56,7 @@ class DriverRecord(BaseModel):
     interval_90: PositiveFloat  # q: 90 % of errors are within q·σ
     stride: PositiveInt = 1  # the memory reads every so-manieth frame
     data_sha256: str = ""  # of the data set of the training
+    speed: bool = False  # it has the output SPEED
 
     def sigma_rad(self, scale_rad: float) -> float:
         """Standard deviation [rad] of a normal error with the 90 % interval ± q·``scale_rad``."""
@@ -71,6 +74,7 @@ class NetworkOutput(NamedTuple):
     scale_rad: float  # of the error
     unlike: float
     state: Numbers | None  # for the next frame; None: the network has no memory
+    speed_mps: float | None = None  # proposed, at least 0; None: no proposal
 
     @property
     def finite(self) -> bool:
@@ -90,7 +94,8 @@ class DriverNetwork:
         self._session = open_session(path)
         self.record = _record(self._session, path)
         self.initial_state = self._checked_graph()
-        self._names = [*_OUTPUTS, *([] if self.initial_state is None else ["next_state"])]
+        self._names = [*_OUTPUTS, *([SPEED] if self.record.speed else [])]
+        self._names += [] if self.initial_state is None else ["next_state"]
         grey = np.full((self.record.height, self.record.width, 3), 128, np.uint8)
         try:
             steering = self(grey, self.initial_state)
@@ -108,14 +113,17 @@ class DriverNetwork:
         inputs: dict[str, Any] = {"image": image[None]}
         if state is not None:
             inputs["state"] = state
-        angle, scale, unlike, *memory = self._session.run(self._names, inputs)
-        return NetworkOutput(angle.item(), scale.item(), unlike.item(), memory[0] if memory else None)
+        found = dict(zip(self._names, self._session.run(self._names, inputs), strict=True))
+        angle_rad, scale_rad, unlike = (found[name].item() for name in _OUTPUTS)
+        speed_mps = found[SPEED].item() if SPEED in found else math.nan
+        proposed_mps = max(speed_mps, 0.0) if math.isfinite(speed_mps) else None
+        return NetworkOutput(angle_rad, scale_rad, unlike, found.get("next_state"), proposed_mps)
 
     def _checked_graph(self) -> Numbers | None:
         """The state before the first frame, zeros of shape (1, …); None without memory. Raises InputError."""
         inputs = {put.name: put for put in self._session.get_inputs()}
         outputs = {put.name for put in self._session.get_outputs()}
-        for name in _OUTPUTS:
+        for name in (*_OUTPUTS, *([SPEED] if self.record.speed else [])):
             if name not in outputs:
                 raise self._refusal(f"has no output {name!r}")
         size, image = (self.record.height, self.record.width, 3), inputs.pop("image", None)
@@ -145,7 +153,7 @@ class DriverNetwork:
 
 
 class DrivingEstimator:
-    """A driving network as an estimator of kind ANGLE: it measures no lane.
+    """A driving network as an estimator of kind ANGLE: it measures no lane. Some propose a speed.
 
     A recurrent network has as many memories as its stride, used in turn: each reads every ``stride``-th frame.
     """
@@ -196,6 +204,7 @@ class DrivingEstimator:
             road_wheel_angle_rad=steering.road_wheel_rad,
             confidence=confidence,
             ahead_sigma_m=self._ahead_sigma_m(steering),
+            speed_mps=steering.speed_mps,
         )
 
     def _ahead_sigma_m(self, steering: NetworkOutput) -> tuple[float, ...]:

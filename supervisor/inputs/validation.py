@@ -80,6 +80,7 @@ class ValidatedEstimate(NamedTuple):
     from_memory: bool = False  # the estimator looks for boundaries and found none in this frame
     kind: EstimateKind = EstimateKind.LANE  # ANGLE: ``lane`` is the arc of the road-wheel angle from the axle
     ahead_sigma_m: tuple[float, ...] = ()  # of the lateral position at SIGMA_AHEAD_M; (): not stated
+    speed_mps: float | None = None  # that a driving network proposes; None: no proposal
 
     def sigma_m(self, ahead_m: float) -> float:
         """Standard deviation of the lateral position of the lane at ``ahead_m``; 0 where it is not stated.
@@ -112,6 +113,8 @@ def validate(
     lane = _arc_of(estimate, settings, wheelbase_m) if angle else _lane_of(estimate, settings)
     broken = malformed or not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
     broken = broken or not _are_deviations(estimate.ahead_sigma_m, settings.max_sigma_m)
+    proposed_mps = None if is_absent(estimate.speed_mps) else estimate.speed_mps
+    broken = broken or not (proposed_mps is None or 0 <= proposed_mps <= settings.max_speed_mps)
     width_m, widest_m = estimate.lane_width_m, settings.max_unmarked_width_m
     # Only the edges of a road of more than one lane are measured; so may be an impossible width.
     two_lanes = estimate.marked is False and width_m is not None and not 0 < width_m <= widest_m
@@ -133,6 +136,7 @@ def validate(
         from_memory=from_memory,
         kind=estimate.kind,
         ahead_sigma_m=estimate.ahead_sigma_m if usable else (),
+        speed_mps=proposed_mps if usable else None,
     )
 
 
@@ -224,6 +228,11 @@ def is_frozen(
     still = if_unknown if frozen_s is None or math.isnan(frozen_s) else frozen_s > after_s
     moves = if_unknown if speed_mps is None or math.isnan(speed_mps) else abs(speed_mps) >= from_mps
     return still and moves
+
+
+def is_absent(value: float | None) -> bool:
+    """Whether there is no number."""
+    return value is None or math.isnan(value)
 
 
 def within(value: float | None, limit: float) -> float | None:

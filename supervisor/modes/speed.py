@@ -29,7 +29,8 @@ def least_cap(
 ) -> Cap:
     """The share ``factor`` of the cruise speed, set ``by`` a limit, at most what everything ahead permits.
 
-    A car that ``follows`` the vehicle ahead drives at least at its pace.
+    A car that ``follows`` the vehicle ahead drives at least at its pace. A driving network may propose a lower
+    speed, never a higher one.
     """
     cruise_mps = cruise_speed_mps * factor
     if follows:
@@ -41,6 +42,7 @@ def least_cap(
         (cruise_mps, by),
         (follower.speed_cap_mps(world.ahead), Limit.LEAD),
         (world.sight.cap_mps, Limit.SIGHT),
+        (world.proposal_mps, Limit.NETWORK),
     )
     speed_mps, limited_by = min(caps, key=lambda cap: cap[0])  # of equals the first
     return Cap(speed_mps, limited_by, factor)

@@ -176,6 +176,8 @@ def _bound_words(view: StartSituation, halt: Halt) -> str:
         return _behind_a_vehicle(view.world.ahead.distance_m, halt.now, view.bounds.scale)
     if sight.cap_mps < standstill_mps:
         return f"stops within its sight: {in_words(sight.cause)}; waits for a longer sight"
+    if view.world.proposal_mps < standstill_mps:
+        return "the driving network proposes to stand; waits for it to propose a speed"
     return f"brakes for fear {view.fear:.2f}: {_cause(view)}; waits for less fear"
 
 

@@ -1,5 +1,6 @@
 """From messages to the state of the world: inputs validated, estimates fused, features measured."""
 
+import math
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
@@ -60,6 +61,11 @@ class WorldState(NamedTuple):
     def surest(self) -> float:
         """Greatest confidence of a usable lane or angle; 0 without one."""
         return max([e.confidence or 0.0 for e in self.estimates if e.lane], default=0.0)
+
+    @property
+    def proposal_mps(self) -> float:
+        """The least speed that a driving network proposes; inf without a proposal."""
+        return min([e.speed_mps for e in self.estimates if e.speed_mps is not None], default=math.inf)
 
 
 class WorldStateObserver:

@@ -57,10 +57,11 @@ def write_tub(
     deleted: tuple[int, ...] = (),
     pause_after: int = -1,
     gain: float = 1.0,
+    speeds_mps: Column | None = None,
 ) -> Path:
     """A donkeycar tub of version 2 at 20 Hz, with a pause of 5 s after frame ``pause_after``.
 
-    ``gain``: of its steering; 0 is straight ahead.
+    ``gain``: of its steering; 0 is straight ahead. ``speeds_mps``: by an encoder, NaN where it gives none.
     """
     steering = gain * steering_of(frames)
     names = [f"{n}_cam_image_array_.jpg" for n in range(frames)]
@@ -79,6 +80,8 @@ def write_tub(
                 "user/throttle": 0.3,
             }
         )
+        if speeds_mps is not None and np.isfinite(speeds_mps[number]):
+            records[-1]["enc/speed"] = float(speeds_mps[number])
     (folder / "catalog_0.catalog").write_text("".join(json.dumps(record) + "\r\n" for record in records))
     manifest: list[Any] = [
         ["cam/image_array", "user/angle", "user/throttle", "user/mode"],

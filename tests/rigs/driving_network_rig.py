@@ -30,12 +30,13 @@ def write_network(
     without: str = "",
     image_type: int = TensorProto.UINT8,
     numbers_out: int = 1,
+    speed_mps: float | None = None,
 ) -> Path:
     """A network with the angle gain·(mean of the left half - mean of the right half)/255, + = bright on the left.
 
     With ``memory`` the angle is the mean of that and of the state, which is the last angle; the first state is 0.
     ``record`` changes the metadata; ``without`` names an input, an output, or "metadata", to leave out.
-    ``numbers_out``: of ``next_state``; ``state`` has one.
+    ``numbers_out``: of ``next_state``; ``state`` has one. ``speed_mps``: that it proposes; None: no such output.
     """
     n, f = "N", TensorProto.FLOAT
     weights = np.zeros((HEIGHT, WIDTH, 3), np.float32)
@@ -63,6 +64,11 @@ def write_network(
     outputs = [
         helper.make_tensor_value_info(name, f, [n]) for name in ("road_wheel_rad", "sigma_rad", "unlike")
     ]
+    if speed_mps is not None:
+        constants["pace"] = np.float32(speed_mps)
+        nodes.append(helper.make_node("Add", ["none", "pace"], ["speed_mps"]))
+        outputs.append(helper.make_tensor_value_info("speed_mps", f, [n]))
+        record = {"speed": True, **(record or {})}
     if memory:
         inputs.append(helper.make_tensor_value_info("state", f, [n, 1]))
         outputs.append(helper.make_tensor_value_info("next_state", f, [n, numbers_out]))

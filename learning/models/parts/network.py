@@ -1,4 +1,4 @@
-"""A driving network: view, trunk, top, perhaps a memory, head."""
+"""A driving network: view, trunk, top, perhaps a memory, head; perhaps a second output, a speed."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -48,6 +48,7 @@ class SteeringNetwork(nn.Module):
             memory,
         )
         self.stride = 1  # the memory reads every so-manieth frame
+        self.speed: SpeedOutput | None = None
         self.register_buffer("scale_rad", torch.tensor(1.0))
         shape = (1, *size, 3) if memory is None else (1, 1, *size, 3)
         try:
@@ -63,14 +64,24 @@ class SteeringNetwork(nn.Module):
     def parameters_count(self) -> int:
         return sum(p.numel() for p in self.parameters())
 
+    def add_speed(self, mean_mps: float, spread_mps: float) -> None:
+        """Give the network a second output, of speeds with this mean and deviation."""
+        self.speed = SpeedOutput(self.head.linear.in_features, mean_mps, spread_mps)
+
     def before_memory(self, image: Tensor) -> Tensor:
         """What the memory, or else the head, reads of uint8 BGR frames (n, H, W, 3)."""
         pixels = self.view(image)
         return self.extract(pixels) if self.memory is None else self.memory.reads(pixels, self.extract)
 
     def after_memory(self, output: Tensor) -> Tensor:
-        """Rows (…, o) of the head, of outputs of the memory."""
-        return self.head(output if self.memory is None else self.memory.gives(output, self.extract))
+        """Rows (…, o) of the head, of outputs of the memory; a last column is that of the speed."""
+        features = output if self.memory is None else self.memory.gives(output, self.extract)
+        rows: Tensor = self.head(features)
+        return rows if self.speed is None else torch.cat([rows, self.speed(features)], dim=-1)
+
+    def steering(self, raw: Tensor) -> Tensor:
+        """The columns of the head."""
+        return raw[..., : self.head.size]
 
     def extract(self, pixels: Tensor) -> Tensor:
         """Features (n, f) of pixels (n, c, h, w)."""
@@ -90,23 +101,68 @@ class SteeringNetwork(nn.Module):
 
     def angle(self, raw: Tensor) -> tuple[Tensor, Tensor]:
         """Road-wheel angle and standard deviation of its error [rad], of rows of the head."""
-        angle, sigma = self.head.angle(raw)
+        angle, sigma = self.head.angle(self.steering(raw))
         return angle * self.scale_rad, sigma * self.scale_rad
 
 
+class SpeedOutput(nn.Module):
+    """A linear layer of the features of the head: the speed of the driver, v = mean + deviation·y."""
+
+    mean_mps: Tensor
+    spread_mps: Tensor
+
+    def __init__(self, inputs: int, mean_mps: float, spread_mps: float) -> None:
+        super().__init__()
+        self.linear = nn.Linear(inputs, 1)
+        self.register_buffer("mean_mps", torch.tensor(mean_mps))
+        self.register_buffer("spread_mps", torch.tensor(spread_mps))
+
+    def forward(self, features: Tensor) -> Tensor:
+        """y (…, 1), of features (…, f)."""
+        y: Tensor = self.linear(features)
+        return y
+
+    def speed_mps(self, raw: Tensor) -> Tensor:
+        """The speeds [m/s] of rows (…, o) of a network, whose last column is y."""
+        return self.mean_mps + self.spread_mps * raw[..., -1]
+
+    def loss(self, raw: Tensor, speeds_mps: Tensor) -> Tensor:
+        """The mean of (y - (v - mean)/deviation)² over the known speeds v; 0 where none is known.
+
+        A speed that is not recorded, NaN, has no part in the loss and in its gradient.
+        """
+        known = torch.isfinite(speeds_mps)
+        y = raw[..., -1]
+        wanted = torch.where(known, (speeds_mps - self.mean_mps) / self.spread_mps, y.detach())
+        return ((y - wanted) ** 2).sum() / known.sum().clamp(min=1)
+
+
 class ExportedNetwork(nn.Module):
-    """Frames (n, H, W, 3) to road-wheel angle (n,) and sigma (n,) [rad]; with a memory also state to next state."""
+    """Frames (n, H, W, 3) to the outputs :attr:`names`: angle and sigma [rad], perhaps a speed [m/s], (n,) each.
+
+    With a memory also state to next state.
+    """
 
     def __init__(self, network: SteeringNetwork) -> None:
         super().__init__()
         self.network = network
+        self.names = (
+            *("road_wheel_rad", "sigma_rad"),
+            *([] if network.speed is None else ["speed_mps"]),
+            *([] if network.memory is None else ["next_state"]),
+        )
 
     def forward(self, image: Tensor, state: Tensor | None = None) -> tuple[Tensor, ...]:
         features = self.network.before_memory(image)
         if self.network.memory is None or state is None:
-            return self.network.angle(self.network.after_memory(features))
+            return self._outputs(features)
         output, state = self.network.memory.step(features, state)
-        return *self.network.angle(self.network.after_memory(output)), state
+        return *self._outputs(output), state
+
+    def _outputs(self, output: Tensor) -> tuple[Tensor, ...]:
+        raw = self.network.after_memory(output)
+        speed = () if self.network.speed is None else (self.network.speed.speed_mps(raw),)
+        return *self.network.angle(raw), *speed
 
 
 def convolutions(

@@ -11,7 +11,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
 
-from drive_rig import made_dataset, run, write_tub  # noqa: E402
+from drive_rig import made_dataset, run, steering_of, write_tub  # noqa: E402
 
 from learning.dataset.dataset import Dataset  # noqa: E402
 from learning.models.catalogue import MODELS  # noqa: E402
@@ -215,6 +215,30 @@ def test_an_auto_encoder_continues_after_its_last_epoch(data, tmp_path, monkeypa
     capfd.readouterr()
     assert train_network(data, out, "steer", *more, "--resume") == 0
     assert "auto-encoder: epoch" not in capfd.readouterr().err
+
+
+def test_a_network_with_a_speed_drives_as_the_driver_and_is_judged_by_it(tmp_path, capfd):
+    """The speed follows the brightness, and the encoder is silent in the first third."""
+    steering = steering_of(360)
+    speeds_mps = np.where(np.arange(360) < 120, np.nan, 2.0 - 2.0 * np.abs(steering))
+    made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub", 360, speeds_mps=speeds_mps))
+    out, judge = tmp_path / "pace.onnx", ("evaluate", "--data", str(made.folder), "--json")
+    stages = (
+        "stages=[{name: all, part: all, epochs: 8, learning_rate: 3.0e-3, schedule: cosine, patience: 8}]"
+    )
+    assert (
+        train_network(made, out, "steer", "--set", stages, "--set", "speed=true", "--set", "average=0") == 0
+    )
+    scores = metadata(out)["scores"]
+    assert (
+        metadata(out)["speed"] is True
+        and scores["speed_rmse_mps"] < 0.8 * scores["speed_mean_speed_rmse_mps"]
+    )
+    capfd.readouterr()
+    assert run(*judge, str(out)) == 0
+    speed = json.loads(capfd.readouterr().out)["speed"]
+    assert 0 < speed["rmse_mps"] < 0.8 * speed["mean_speed_rmse_mps"]
+    assert steer(out, made.image(made.rows("test")[0])).speed_mps == pytest.approx(1.2, abs=0.9)
 
 
 @pytest.mark.parametrize("verb", ["train", "quantise"])

@@ -87,6 +87,31 @@ def test_outside_its_world_or_unsure_a_network_gives_no_angle_and_the_reason(pat
     assert reason in estimate.reason
 
 
+@pytest.mark.parametrize(
+    ("given_mps", "proposed_mps"), [(1.5, 1.5), (0.0, 0.0), (-0.2, 0.0), (math.nan, None), (math.inf, None)]
+)
+def test_a_proposed_speed_is_at_least_zero_and_absent_where_it_is_not_finite(path, given_mps, proposed_mps):
+    network = driver(write_network(path, speed_mps=given_mps, memory=True))
+    assert step(network, halves(120, 90)).speed_mps == proposed_mps
+
+
+@pytest.mark.parametrize("changes", [dict(unlike=1.01), dict(sigma_rad=1.0)])
+def test_a_network_without_an_angle_proposes_no_speed(path, changes):
+    assert step(driver(write_network(path, speed_mps=1.5, **changes)), halves(120, 90)).speed_mps is None
+
+
+def test_a_network_without_the_output_proposes_no_speed(path):
+    assert step(driver(write_network(path)), halves(120, 90)).speed_mps is None
+
+
+def test_the_speed_is_in_metres_of_the_car_at_every_scale(path):
+    small = VEHICLE.model_copy(update={"lane_width_m": 0.5})
+    entry = entry_of(str(write_network(path, speed_mps=1.5)))
+    assert [step(entry.build(CAMERA, one), halves(120, 90)).speed_mps for one in (VEHICLE, small)] == [
+        1.5
+    ] * 2
+
+
 @pytest.mark.parametrize("image", [np.zeros((9, 9), np.uint8), np.zeros((9, 9, 3), np.float32)])
 def test_an_image_of_another_kind_is_refused_with_a_reason(path, image):
     assert "not uint8" in step(driver(write_network(path)), image).reason
@@ -131,6 +156,7 @@ def test_two_estimators_of_one_file_have_separate_memories(path):
         (dict(record={"height": 13}), "its input 'image' is"),
         (dict(without="sigma_rad"), "has no output 'sigma_rad'"),
         (dict(without="unlike"), "has no output 'unlike'"),
+        (dict(record={"speed": True}), "has no output 'speed_mps'"),
         (dict(without="next_state", memory=True), "expected both"),
         (dict(numbers_out=2, memory=True), "fails on a grey image"),
         (dict(image_type=TensorProto.FLOAT), "expected tensor(uint8)"),

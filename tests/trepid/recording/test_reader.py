@@ -266,14 +266,14 @@ def without(line: str) -> tuple[str, bytes]:
 WITHOUT_ESTIMATOR, _ = without("string estimator\n")
 
 
-@pytest.mark.parametrize("line", ["string kind\n", "float64[] ahead_sigma_m\n"])
+@pytest.mark.parametrize("line", ["string kind\n", "float64[] ahead_sigma_m\n", "float64 speed_mps\n"])
 def test_an_estimate_recorded_without_a_field_has_its_default(tmp_path: Path, line: str) -> None:
-    """Without a kind it is one of the lane; without deviations it states nothing about them."""
+    """Without a kind it is one of the lane; without deviations or a speed it states nothing about them."""
     text, data = without(line)
     path = foreign(tmp_path / "old.mcap", estimate_topic("cv").key, ros_name(m.SteeringEstimate), text, data)
     ((_, read),) = read_recording(path, "perception/*").of(estimate_topic("cv"))
     assert read == NOTHING
-    assert (read.kind, read.ahead_sigma_m) == (m.EstimateKind.LANE, ())
+    assert (read.kind, read.ahead_sigma_m, read.speed_mps) == (m.EstimateKind.LANE, (), None)
 
 
 def test_a_malformed_message_of_an_older_version_is_left_out_and_counted(tmp_path: Path) -> None:
