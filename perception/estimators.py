@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from trepid.car.camera import Camera
-from trepid.car.vehicle import Vehicle
+from trepid.car.vehicle import Corridor, Vehicle
 from trepid.config import CONFIG_DIR, InputError, load, resource
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
 from trepid.scale import ReferenceWorld, scaled_settings
@@ -147,13 +147,28 @@ def lane_cv_settings() -> "LaneCvSettings":
 
 
 def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
+    if vehicle.corridor is Corridor.ROAD:
+        from perception.lane.road_middle import RoadMiddle
+
+        return RoadMiddle(lane_cv_settings(), camera, vehicle)
     from perception.lane.lane_cv import LaneCv
 
     return LaneCv(lane_cv_settings(), camera, vehicle)
 
 
 def _lane_cv_assumed(camera: Camera, vehicle: Vehicle, finder: "WhichLane") -> Estimator:
+    if vehicle.corridor is Corridor.ROAD:
+        raise InputError("corridor: road of vehicle.yaml needs a camera file: only it gives widths in metres")
     return finder
+
+
+def _lane_alone(name: str, camera: Camera, vehicle: Vehicle) -> Unfit | None:
+    """In place of an estimator that measures no middle of a road, where the car drives along it."""
+    if vehicle.corridor is Corridor.LANE:
+        return None
+    return Unfit(
+        name, f"{name} does not measure the middle of the road (corridor: road of vehicle.yaml); cv does"
+    )
 
 
 def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
@@ -174,6 +189,8 @@ def _steer_net_assumed(camera: Camera, vehicle: Vehicle, finder: "WhichLane") ->
 def _steer_net_misfit(camera: Camera, vehicle: Vehicle) -> Unfit | None:
     from perception.net.steer_net import NAME, SteerNetSettings, misfit
 
+    if unfit := _lane_alone(NAME, camera, vehicle):
+        return unfit
     why = misfit(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
     return Unfit(NAME, why) if why else None
 
@@ -240,6 +257,7 @@ FURTHER = {
         "lane between the boundaries that a fetched segmentation network marks (lines, drivable area)",
         _segments,
         source="config/segments.yaml, docs/segments.md",
+        misfit=partial(_lane_alone, "segments"),
         construct_assumed=_segments_assumed,
         is_here=_has_segments,
         modules=("perception.segments.estimator", "perception.segments.unknown_camera"),
@@ -250,6 +268,7 @@ FURTHER = {
         "lane between lines of tape of any colour, by length, for bends as tight as the lane is wide",
         _tape_lane,
         source="config/tape.yaml, docs/rc.md",
+        misfit=partial(_lane_alone, "tape"),
         modules=("perception.tape.estimator",),
         files=("config/tape.yaml", "config/perception.yaml"),
     ),
@@ -272,6 +291,7 @@ def estimators() -> dict[str, Entry]:
             partial(Pipeline, recipe),
             source=recipe.source,
             kind=recipe.kind,
+            misfit=partial(_lane_alone, name),
             stages=tuple(stage.name for stage in recipe.stages),
             modules=(*_PIPELINE, *(stage.entry.__module__ for stage in recipe.stages)),
             files=("config/perception.yaml",),
@@ -296,6 +316,7 @@ def _of_other_packages() -> dict[str, Entry]:
             f"added by the package {point.dist.name if point.dist else '?'}",
             partial(_build_added, name),
             source=point.value,
+            misfit=partial(_lane_alone, name),
             version=partial(str, f"{point.value} {point.dist.version if point.dist else '?'}"),
         )
         for name, point in plugins.added_entry_points(plugins.Group.ESTIMATORS).items()

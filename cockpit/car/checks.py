@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from trepid.car.vehicle import ALONG_THE_MIDDLE, Corridor, Vehicle
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, read
 from trepid.packages import PACKAGES, check_packages
 from trepid.plugins import Group, added_entry_points, package_of
@@ -34,8 +35,16 @@ def configuration() -> Finding:
     faults = dict.fromkeys(fault for check in SETTINGS if (fault := _fault(check)))
     if faults:
         return Finding("configuration", False, "; ".join(faults), "correct the fields at these places")
-    car = car_folder()
-    return Finding("configuration", True, f"{car or 'the defaults'}: valid")
+    return Finding("configuration", True, f"{car_folder() or 'the defaults'}: valid{_corridor()}")
+
+
+def _corridor() -> str:
+    """What a car drives in the middle of, where it is not its lane."""
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    if vehicle.corridor is Corridor.LANE:
+        return ""
+    where = f"{ALONG_THE_MIDDLE} of {vehicle.road_width_m:g} m"
+    return f"; it drives {where}: on closed paths without other traffic only"
 
 
 def _fault(check: Callable[[], object]) -> str:
@@ -47,8 +56,6 @@ def _fault(check: Callable[[], object]) -> str:
 
 
 def _vehicle() -> None:
-    from trepid.car.vehicle import Vehicle
-
     load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
 

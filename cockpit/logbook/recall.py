@@ -12,9 +12,11 @@ from tempfile import TemporaryDirectory
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
+from ruamel.yaml import YAML
 
 from drive.reason import reason
 from supervisor.rules.inference import FearRules
+from trepid.car.vehicle import Corridor
 from trepid.config import InputError, default_file
 from trepid.loudness import note
 from trepid.messages import (
@@ -27,7 +29,7 @@ from trepid.messages import (
 )
 from trepid.recording.notes import RULES, RULES_FROM_S
 from trepid.recording.reader import RecordingContent, Series, read_recording, read_series
-from trepid.recording.writer import rules_name
+from trepid.recording.writer import CAR_FILES, rules_name
 from trepid.topics import (
     CAMERA_COMPRESSED,
     COMMAND,
@@ -77,6 +79,13 @@ class Recall:
     def decisions(self) -> Series[Decision]:
         """Every decision, in order."""
         return self.series[DECISION.key]
+
+    @cached_property
+    def corridor(self) -> Corridor:
+        """What the recorded car drove in the middle of, by its recorded vehicle file."""
+        text = self.recorded.files.get(f"{CAR_FILES}vehicle.yaml", b"").decode(errors="replace")
+        given = YAML(typ="safe").load(text) or {}
+        return Corridor(given.get("corridor", Corridor.LANE))
 
     def without_undecodable(self) -> "Recall":
         """The drive without the decisions that cannot be decoded. Raises InputError when none is left."""

@@ -83,6 +83,7 @@ def story(drive: Recall, at_s: float) -> Story:
         "to_s": round(last_s, 3),
         "complete": drive.recorded.complete,
         "rules_from": drive.rules_from,
+        "corridor": drive.corridor,
         "slowed_by": None,
     }
     slow = nearest(by_supervisor, drive.t_s, at_s)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from cockpit.logbook.story import Story
+from trepid.car.vehicle import ALONG_THE_MIDDLE, Corridor
 from trepid.causes import concerning, in_words, line_words
 from trepid.recording.reader import RecordingContent
 
@@ -34,6 +35,8 @@ def overview_text(recorded: RecordingContent, found: list[Story]) -> str:
 def _lines(story: Story) -> Iterator[str]:
     if not story["complete"]:
         yield f"(the recording is cut short: it ends at {story['to_s']:.1f} s)"
+    if story["corridor"] == Corridor.ROAD:
+        yield f"The car drove {ALONG_THE_MIDDLE}."
     match story["slowed_by"]:
         case "supervisor":
             yield from _by_supervisor(story)

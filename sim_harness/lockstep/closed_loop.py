@@ -176,8 +176,9 @@ def build_parts(scenario: Scenario, *, seed: int, simulator: SimulatorSettings |
         renderer = Renderer(
             road, camera, seed=seed, disturbances=scenario.disturbances, on_springs=on_springs
         )
+    simulated = SimulatedVehicle(scenario, road, vehicle, limiter, simulator or load_simulator(), seed=seed)
     return Parts(
-        vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, simulator or load_simulator(), seed=seed),
+        vehicle=simulated,
         camera=SimulatedCamera(
             scenario,
             renderer,
@@ -190,7 +191,7 @@ def build_parts(scenario: Scenario, *, seed: int, simulator: SimulatorSettings |
             rules=scenario.rules_file, cruise_speed_mps=scenario.speed_mps
         ),
         controller=controller.controller.build(),
-        oracles={name: Oracle(name, road, vehicle) for name in scenario.estimators if not renderer},
+        oracles={name: Oracle(name, simulated.road, vehicle) for name in scenario.estimators if not renderer},
         lead=_lead_sensor(scenario, seed=seed),
         road_user_sensor=build_road_user_sensor(scenario.road_users_by, seed=seed),
     )

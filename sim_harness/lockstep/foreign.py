@@ -22,7 +22,7 @@ from sim_harness.scenarios.scenario import Scenario
 from sim_harness.scenarios.world_choice import WorldChoice
 from trepid import plugins
 from trepid.car.camera import Camera
-from trepid.car.vehicle import Vehicle
+from trepid.car.vehicle import Corridor, Vehicle
 from trepid.config import InputError
 from trepid.messages import Command, SimTruth, VehicleState
 from trepid.spelling import did_you_mean
@@ -180,6 +180,10 @@ class WorldVehicle:
         *,
         seed: int,
     ) -> None:
+        if vehicle.corridor is Corridor.ROAD:
+            raise InputError(
+                "corridor: road of vehicle.yaml: a world of another package has a lane and no middle of the road"
+            )
         self.road, self.nominal, self.wheelbase_m = WorldLane(world), vehicle, vehicle.wheelbase_m
         self.nose_m = vehicle.wheelbase_m + vehicle.front_overhang_m
         self._world, self._limiter, self._settings = world, limiter, settings

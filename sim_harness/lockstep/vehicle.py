@@ -18,9 +18,10 @@ from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.state import PlantState
+from sim_harness.world.roads.middle import followed_road
 from sim_harness.world.roads.road import Road
-from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, load
+from trepid.car.vehicle import Corridor, Vehicle
+from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Command, LeadVehicle, SimTruth, VehicleState
 from trepid.types import Positive, Share
 
@@ -63,7 +64,7 @@ class SimulatedVehicle:
 
         Without ``limiter`` commands take effect as they are: behind a wire, whose near end has the limiter.
         """
-        self.road = road
+        self.road = road = _line_of(vehicle, road, scenario)
         self._plant = build_plant(scenario.plant, vehicle, seed=seed)
         self._vehicle = self._plant.vehicle
         self.nominal = vehicle
@@ -266,6 +267,19 @@ class SimulatedVehicle:
             user_yaw_rad=users.yaw_rad,
             user_speed_mps=users.speed_mps,
         )
+
+
+def _line_of(vehicle: Vehicle, road: Road, scenario: Scenario) -> Road:
+    """``road`` with the offsets of the corridor of ``vehicle``, from its lane or the middle of the road.
+
+    Raises InputError for a corridor that the scenario does not have.
+    """
+    if vehicle.corridor is Corridor.ROAD and (scenario.traffic or scenario.road_users):
+        raise InputError(
+            f"scenario {scenario.name}: has other vehicles or people, and corridor: road of vehicle.yaml is for"
+            " closed paths of a single vehicle"
+        )
+    return followed_road(road, vehicle)
 
 
 def _stand_at(plant: Plant, road: Road, station_m: float) -> None:

@@ -12,6 +12,8 @@ from trepid.types import NonNegative, Positive
 
 GRADIENT = "understeer_gradient_rad_per_mps2"
 REAR_SLIP = "rear_slip_gradient_rad_per_mps2"
+ALONG_THE_MIDDLE = "along the middle of the road (corridor: road)"
+LEAST_ROAD = 1.2  # lane widths, of a road whose middle is not that of a lane
 
 
 def road_wheel_angle(curvature_1pm: float, *, wheelbase_m: float) -> float:
@@ -46,6 +48,13 @@ class Traffic(StrEnum):
     LEFT = "left"
     RIGHT = "right"
     UNKNOWN = "unknown"
+
+
+class Corridor(StrEnum):
+    """What the car drives in the middle of."""
+
+    LANE = "lane"  # its lane
+    ROAD = "road"  # the road, between its outer lines or edges: closed paths of a single vehicle
 
 
 class Side(StrEnum):
@@ -109,6 +118,8 @@ class Vehicle(Settings):
     lane_width_m: Annotated[float, Field(ge=0.1, le=6)] = REFERENCE_LANE_M  # usual, of the lanes it drives in
     traffic: Traffic = Traffic.UNKNOWN  # learned while driving where it is not given
     dash_period_m: Positive | None = None  # from dash to dash of the lines of its lanes; None: not known
+    corridor: Corridor = Corridor.LANE
+    road_width_m: Positive | None = None  # of corridor: road, between the outer lines or edges
 
     @property
     def scale(self) -> float:
@@ -119,6 +130,25 @@ class Vehicle(Settings):
     def in_reference_world(self) -> "Vehicle":
         """The vehicle enlarged to the reference world; itself at a scale of 1."""
         return scaled_settings(self, 1 / self.scale)
+
+    @model_validator(mode="after")
+    def _one_corridor(self) -> Self:
+        if self.corridor is Corridor.LANE:
+            if self.road_width_m is not None:
+                raise wrong_at(
+                    ("road_width_m",), "only corridor: road reads it: leave it out, or set corridor"
+                )
+        elif self.road_width_m is None:
+            raise wrong_at(
+                ("corridor",), "road needs road_width_m, between the outer lines or edges of the road"
+            )
+        elif self.road_width_m < LEAST_ROAD * self.lane_width_m:
+            what = f"a road with a middle of its own is at least {LEAST_ROAD:g} lane_width_m wide"
+            raise wrong_at(("road_width_m",), what)
+        elif self.traffic is not Traffic.UNKNOWN:
+            what = "traffic keeps to a side, and corridor: road drives on the middle: leave out one of them"
+            raise wrong_at(("traffic",), what)
+        return self
 
     @model_validator(mode="after")
     def _one_understeer(self) -> Self:
