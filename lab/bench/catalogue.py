@@ -238,6 +238,12 @@ BENCHMARKS = {
         "networks that steer by their depth and their memory, on the same frames at equal epochs",
         continued=True,
     ),
+    "study-corner": Benchmark(
+        "study.corner",
+        "networks with and without a memory alone through a corner of R = 12 m, trained on the same frames",
+        pictured=False,
+        continued=True,
+    ),
     "study-speed": Benchmark(
         "study.loops",
         "angles of 5 mph at 5 to 25 mph, with and without transposition by understeer",

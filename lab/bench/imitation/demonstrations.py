@@ -30,6 +30,7 @@ from sim_harness.lockstep.unsupervised import FollowedLane, UnsupervisedDriver
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import finish_tasks
+from sim_harness.world.roads.road import Road
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.files.whole import write_whole
@@ -63,40 +64,59 @@ class Demonstration(NamedTuple):
 
 def demonstrations(folder: Path, *, roads: int, seed: int, jobs: int) -> dict[str, Dataset]:
     """The data sets "random", of drives on ``roads`` random roads, and "unseen"; made where they are missing."""
-    code = fingerprint(*import_closure([__name__]), "config")
-    drives = folder / f"drives-{short_hash(code, str(seed))}"
-    drives.mkdir(parents=True, exist_ok=True)
+    drives = drives_folder(folder, seed)
     wanted = {
         "random": [_on_random_road(drives, seed, number) for number in range(roads)],
         "unseen": [_on_shipped_road(drives, name, changes) for name, changes in UNSEEN.items()],
     }
-    missing = {one.path.stem: one for group in wanted.values() for one in group if not one.path.is_file()}
-    for name, row in finish_tasks(demonstrate, missing, jobs):
+    return {name: driven_set(folder, name, group, SPLITS[name], jobs) for name, group in wanted.items()}
+
+
+def drives_folder(folder: Path, seed: int) -> Path:
+    """Where the drives of a seed are, in ``folder``, under a hash of the code."""
+    code = fingerprint(*import_closure([__name__]), "config")
+    drives = folder / f"drives-{short_hash(code, str(seed))}"
+    drives.mkdir(parents=True, exist_ok=True)
+    return drives
+
+
+def driven_set(folder: Path, name: str, wanted: list[Demonstration], split: Split, jobs: int) -> Dataset:
+    """The data set ``name`` of drives in a :func:`drives_folder`, driven and built where they are missing."""
+    missing = {one.path.stem: one for one in wanted if not one.path.is_file()}
+    for drive, row in finish_tasks(demonstrate, missing, jobs):
         say(
-            f"{name}: {row['distance_m']:.0f} m, at most {row['max_lateral_error_m']:.2f} m beside the centre"
+            f"{drive}: {row['distance_m']:.0f} m, at most {row['max_lateral_error_m']:.2f} m beside the centre"
         )
-    found = {}
-    for name, group in wanted.items():
-        paths = [one.path for one in group]
-        digest = short_hash(code, SPLITS[name].model_dump_json(), *map(str, paths))
-        found[name] = built_once(folder / f"{name}-{digest}", paths, SPLITS[name])
-    return found
+    paths = [one.path for one in wanted]
+    digest = short_hash(split.model_dump_json(), *map(str, paths))  # the folder has the hash of the code
+    return built_once(folder / f"{name}-{digest}", paths, split)
 
 
 def _on_random_road(drives: Path, seed: int, number: int) -> Demonstration:
     rng = np.random.default_rng((seed, number))
     road = (drawn_road if rng.random() < 0.5 else random_road)(rng)
-    file = drives / f"road-{number:04}.yaml"
-    write_whole(file, road.settings.model_dump_json(exclude_defaults=True).encode())  # JSON is YAML
-    changes = {
-        "road": str(file),
+    station_m = rng.uniform(0.0, road.length_m - ROUTE_M - END_M)
+    return on_road(drives, road, f"{number:04}", number, station_m=station_m, rng=rng)
+
+
+def on_road(
+    drives: Path, road: Road, name: str, seed: int, *, station_m: float, rng: np.random.Generator
+) -> Demonstration:
+    """A drive of ROUTE_M along ``road`` from ``station_m`` on, which begins beside the centre."""
+    start = {
         "start.offset_m": f"{rng.normal(0.0, OFFSET_M):.3f}",
         "start.heading_rad": f"{rng.normal(0.0, HEADING_RAD):.4f}",
+        "start.station_m": f"{station_m:.1f}",
+    }
+    text = road.settings.model_dump_json(exclude_defaults=True)  # JSON is YAML
+    name = f"{name}-{short_hash(text, *start.values())}"
+    write_whole(drives / f"road-{name}.yaml", text.encode())
+    changes = {
+        "road": str(drives / f"road-{name}.yaml"),
         "start.speed_mps": str(SPEED_MPS),
-        "start.station_m": f"{rng.uniform(0.0, road.length_m - ROUTE_M - END_M):.1f}",
         "distance_m": str(ROUTE_M),
     }
-    return Demonstration(_scenario("straight", changes), number, drives / f"random-{number:04}.mcap")
+    return Demonstration(_scenario("straight", changes | start), seed, drives / f"random-{name}.mcap")
 
 
 def _on_shipped_road(drives: Path, name: str, changes: Mapping[str, str]) -> Demonstration:
