@@ -25,12 +25,13 @@ class RoadMiddle:
         """``vehicle`` has a ``road_width_m``."""
         assert vehicle.road_width_m is not None
         self._inner = LaneCv(road_settings(settings, vehicle.road_width_m), camera, vehicle)
-        self._corridor_m = vehicle.lane_width_m
+        self._beside_m = vehicle.road_width_m - vehicle.lane_width_m  # of the road, beside the corridor
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The road in ``frame``; the boundaries in the image are those of the road."""
         found = self._inner.step(frame, state, now_s=now_s)
-        return found if found.lane_width_m is None else replace(found, lane_width_m=self._corridor_m)
+        width_m = found.lane_width_m  # an unusual width of the road stays one of the corridor
+        return found if width_m is None else replace(found, lane_width_m=width_m - self._beside_m)
 
 
 def road_settings(settings: LaneCvSettings, width_m: float) -> LaneCvSettings:
