@@ -7,7 +7,7 @@ import pytest
 
 from perception.estimators import ESTIMATORS, Unfit, build_beside, entry_of, estimators
 from perception.lane.lane_cv import LaneCv
-from perception.lane.road_middle import RoadMiddle
+from perception.lane.road_middle import WIDTH_SIGMA_M, RoadMiddle
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.drawn import BendShape, MarkingKind, random_road
 from trepid.car.camera import Camera
@@ -52,7 +52,7 @@ def drive(kind: MarkingKind, shape: BendShape, *, frames: int = 12) -> list[tupl
 def test_the_offset_is_that_from_the_middle_line_and_the_corridor_is_as_wide_as_a_lane(kind, shape):
     for true_m, estimate in drive(kind, shape)[4:]:
         assert estimate.lateral_offset_m == pytest.approx(true_m, abs=0.08)
-        assert estimate.lane_width_m == pytest.approx(LANE.lane_width_m, abs=0.15)
+        assert estimate.lane_width_m == pytest.approx(LANE.lane_width_m, abs=WIDTH_SIGMA_M)
         assert estimate.confidence > 0.9
 
 
