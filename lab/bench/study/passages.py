@@ -89,8 +89,10 @@ def _frames(path: Path, split: str, seed: int) -> Frames:
 
 def every_nth(frames: Frames, every: int) -> Frames:
     """Every n-th frame."""
-    images, labels, stretches, pieces, routes = frames
-    return Frames(images[::every], labels[::every], stretches[::every], pieces[::every], routes)
+    images, labels, stretches, pieces, routes, speeds_mps = frames
+    if speeds_mps is not None:
+        speeds_mps = speeds_mps[::every]
+    return Frames(images[::every], labels[::every], stretches[::every], pieces[::every], routes, speeds_mps)
 
 
 def resize(frames: Frames, height_px: int, width_px: int) -> Frames:

@@ -9,7 +9,7 @@ from torch import nn
 
 from lab.bench.study import networks
 from lab.bench.study.networks import WINDOW, by_depth, by_memory, row_of
-from lab.bench.study.passages import Passages, rate_rms_degps, resize
+from lab.bench.study.passages import Passages, every_nth, rate_rms_degps, resize
 from learning.training.frames import Frames
 
 
@@ -22,6 +22,16 @@ def frames(passages: int, seed: int) -> Frames:
     images[:, :, :48] += (400 * labels).astype(np.int8).astype(np.uint8)[:, None, None, None]
     small = Frames(images, labels, stretches, stretches.astype(np.int64), ("passages",))
     return resize(small, networks.HEIGHT_PX, networks.WIDTH_PX)
+
+
+def test_every_nth_frame_keeps_its_label_and_its_speed():
+    numbers = np.arange(10)
+    images = np.zeros((10, 2, 2, 3), np.uint8)
+    speeds_mps = numbers.astype(np.float32)
+    frames = Frames(images, speeds_mps / 10, numbers, numbers, ("drive",), speeds_mps)
+    kept = every_nth(frames, 4)
+    assert kept.speeds_mps is not None
+    assert kept.labels.tolist() == pytest.approx([0.0, 0.4, 0.8]) and kept.speeds_mps.tolist() == [0, 4, 8]
 
 
 def test_deeper_networks_have_one_convolution_more_each():
