@@ -31,7 +31,11 @@ def test_every_nth_frame_keeps_its_label_and_its_speed():
     frames = Frames(images, speeds_mps / 10, numbers, numbers, ("drive",), speeds_mps)
     kept = every_nth(frames, 4)
     assert kept.speeds_mps is not None
-    assert kept.labels.tolist() == pytest.approx([0.0, 0.4, 0.8]) and kept.speeds_mps.tolist() == [0, 4, 8]
+    assert kept.labels_rad.tolist() == pytest.approx([0.0, 0.4, 0.8]) and kept.speeds_mps.tolist() == [
+        0,
+        4,
+        8,
+    ]
 
 
 def test_deeper_networks_have_one_convolution_more_each():
