@@ -28,7 +28,8 @@ def as_row(one: FrameResult[SteeringEstimate]) -> dict[str, Any]:
 
 
 def estimate_fields(result: SteeringEstimate, latency_ms: float | None) -> dict[str, Any]:
-    """The fields of an estimate in JSON; None where it has none."""
+    """The fields of an estimate in JSON; None where it has none. ``speed_mps`` is there where one is proposed."""
+    proposal = {} if result.speed_mps is None else {"speed_mps": result.speed_mps}
     return {
         "estimator": result.estimator,
         "lateral_offset_m": result.lateral_offset_m,
@@ -38,11 +39,11 @@ def estimate_fields(result: SteeringEstimate, latency_ms: float | None) -> dict[
         "confidence": result.confidence,
         "lanes_detected": result.lanes_detected,
         "lane_width_m": result.lane_width_m,
-        "speed_mps": result.speed_mps,
         "latency_ms": latency_ms,
         "reason": result.reason,
         "left_boundary_px": as_path(result.left_boundary_px) or None,
         "right_boundary_px": as_path(result.right_boundary_px) or None,
+        **proposal,
     }
 
 

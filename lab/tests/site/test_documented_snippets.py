@@ -34,6 +34,7 @@ OF_A_CAR = {
     "processes": "processes",
     "actuator": "actuator",
     "source": "camera_source",
+    "corridor": "vehicle",
     "page_host": "drive",
     "network": "segments",
     "names": "ros",

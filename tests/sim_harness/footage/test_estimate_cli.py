@@ -9,7 +9,7 @@ from drawn_road_rig import CAMERA, look
 from driving_network_rig import write_network
 
 from cockpit.footage.frames import FrameResult
-from cockpit.footage.lane_rows import _cells, as_row
+from cockpit.footage.lane_rows import _cells, as_row, estimate_fields
 from cockpit.footage.sources import Clip, sources
 from sim_harness.footage.estimate_cli import estimate
 from trepid.car.camera import Camera
@@ -44,6 +44,13 @@ def test_a_folder_gives_one_json_object_per_image_in_order_of_name(folder, capsy
     assert [Path(row["file"]).name for row in rows] == ["a.jpg", "b.png"]
     assert all(list(row) == FIELDS for row in rows)
     assert all(row["lanes_detected"] == 2 and row["latency_ms"] > 0 for row in rows)
+
+
+def test_only_a_proposed_speed_is_a_further_field():
+    found = SteeringEstimate(t_s=0.0, estimator="pilot", lookahead_m=8.0, confidence=0.9, reason="")
+    silent, proposing = (estimate_fields(replace(found, speed_mps=v), 1.0) for v in (None, 2.5))
+    assert list(silent) == FIELDS[2:]
+    assert proposing == silent | {"speed_mps": 2.5}
 
 
 def test_a_clip_gives_one_numbered_object_per_frame(clip, capsys):
