@@ -206,8 +206,8 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
         for title, (driver, score) in titles.items()
     }
     tables[KINDS] = {
-        f"{who}, {mph} mph": kinds([rows[f"{name} {mph} mph{driver}"] for name in names])
-        for who, driver in (("alone", ""), ("supervised beside cv and cnn", " supervised"))
+        f"{mode}, {mph} mph": kinds([rows[f"{name} {mph} mph{driver}"] for name in names])
+        for mode, driver in (("alone", ""), ("supervised beside cv and cnn", " supervised"))
         for mph in speeds
     }
     return tables | {EXACT.format(max(speeds)): {name: rows[f"{name} exact"] for name in names}}
