@@ -69,9 +69,7 @@ class FusionResult(NamedTuple):
     path: Path | None
     sources: tuple[str, ...]  # the fused estimators
     trust: tuple[float, ...]  # their shares; sums to 1; empty when nothing was fused
-    disagreement_mps2: (
-        float | None
-    )  # greatest |Δκ_cmd|·v² of two estimates at v = ℓ/lookahead_s; None with fewer than two
+    disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two, v = ℓ/lookahead_s; None: fewer than two
     # the part beyond what both state to know, times their share (:func:`_disagreement`); 0 with fewer than two
     weighted_disagreement_mps2: float
     weighted_separation_m: float  # likewise of two lateral offsets, the least over ``lasting_s``
