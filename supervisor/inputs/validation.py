@@ -113,7 +113,8 @@ def validate(
     lane = _arc_of(estimate, settings, wheelbase_m) if angle else _lane_of(estimate, settings)
     broken = malformed or not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
     broken = broken or not _are_deviations(estimate.ahead_sigma_m, settings.max_sigma_m)
-    proposed_mps = None if is_absent(estimate.speed_mps) else estimate.speed_mps
+    said_mps = estimate.speed_mps
+    proposed_mps = None if said_mps is None or math.isnan(said_mps) else said_mps
     broken = broken or not (proposed_mps is None or 0 <= proposed_mps <= settings.max_speed_mps)
     width_m, widest_m = estimate.lane_width_m, settings.max_unmarked_width_m
     # Only the edges of a road of more than one lane are measured; so may be an impossible width.
@@ -228,11 +229,6 @@ def is_frozen(
     still = if_unknown if frozen_s is None or math.isnan(frozen_s) else frozen_s > after_s
     moves = if_unknown if speed_mps is None or math.isnan(speed_mps) else abs(speed_mps) >= from_mps
     return still and moves
-
-
-def is_absent(value: float | None) -> bool:
-    """Whether there is no number."""
-    return value is None or math.isnan(value)
 
 
 def within(value: float | None, limit: float) -> float | None:
