@@ -4,9 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from controller.controller import build
-from trepid.processes.journal import Journal
+from trepid.processes.journal import Journal, Timekeeper
 from trepid.processes.process import Process, Ticker
-from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
 from trepid.topics import COMMAND, DECISION, LOSSES, VEHICLE_STATE
 

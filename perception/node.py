@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 from perception.estimators import build
 from trepid.messages import SteeringEstimate
-from trepid.processes.journal import Journal
+from trepid.processes.journal import Journal, Timekeeper
 from trepid.processes.process import Process
-from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
 from trepid.topics import CAMERA_IMAGE, IMAGE_STATISTICS, VEHICLE_STATE, estimate_topic
 

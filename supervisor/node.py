@@ -12,9 +12,8 @@ from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
 from trepid.causes import line_words
 from trepid.messages import Health
-from trepid.processes.journal import Journal
+from trepid.processes.journal import Journal, Timekeeper
 from trepid.processes.process import Process, Values
-from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
 from trepid.topics import (
     DECISION,

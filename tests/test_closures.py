@@ -33,8 +33,8 @@ CLOSURES = {
         "road = course_for(None, {}, (), duration_s=None)\n"
         "assert plan_of(road, recorded=True, page=True, foxglove=False).specs",
         {"drive", "vehicle"},  # keys, and the words of the stop button
-        55,
-        5_740,
+        52,
+        5_380,
     ),
     "camera": Closure(
         "import vehicle.cameras.node, vehicle.cameras.device",
@@ -45,8 +45,8 @@ CLOSURES = {
     "cv": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cv')",
         {"perception"},
-        48,
-        4_850,
+        47,
+        4_750,
     ),
     "cv, which judges the image": Closure(
         "import perception.node\n"
@@ -54,26 +54,26 @@ CLOSURES = {
         "from perception.sight.judge import build as build_judge\n"
         "assert build('cv') and build_judge()",
         {"perception"},
-        60,
-        6_170,
+        59,
+        6_070,
     ),
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
         {"perception"},
-        42,
-        4_285,
+        40,
+        4_180,
     ),
     "segments": Closure(
         "import perception.node, perception.segments.estimator",
         {"perception"},
-        55,
-        5_260,
+        54,
+        5_150,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
         {"perception"},
-        54,
-        5_620,
+        53,
+        5_510,
     ),
     "supervisor": Closure(
         "import supervisor.node\n"
@@ -87,16 +87,16 @@ CLOSURES = {
     "controller": Closure(
         "import controller.node\nfrom controller.controller import build\nassert build()",
         {"controller"},
-        47,
-        4_000,
+        41,
+        3_870,
     ),
     "vehicle": Closure(
         "import vehicle.actuators.node, vehicle.actuators.can.actuator\n"
         "from controller.limiter import build\n"
         "assert build()",
         {"vehicle", "controller"},  # the limiter
-        49,
-        4_895,
+        47,
+        4_840,
     ),
     "recorder": Closure("import trepid.recording.node", set(), 29, 3_420),
     "driver input": Closure(

@@ -4,9 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from perception.lead.finder import build
-from trepid.processes.journal import Journal
+from trepid.processes.journal import Journal, Timekeeper
 from trepid.processes.process import Process
-from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
 from trepid.topics import CAMERA_IMAGE, LEAD_VEHICLE, ROAD_USERS, VEHICLE_STATE, estimate_topic
 

@@ -10,8 +10,8 @@ from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Health
+from trepid.processes.journal import Timekeeper
 from trepid.processes.process import Process, Ticker, process
-from trepid.processes.timing import Timekeeper
 from trepid.topics import COMMAND, LEAD_VEHICLE, ROAD_USERS, SIM_TRUTH, STOP_REQUEST, VEHICLE_STATE
 from vehicle.driver.stop_button import STOPPED, StopButton
 

@@ -1,22 +1,19 @@
 """Where the time of a frame goes: exposed, published, received, estimated, decided, commanded, applied.
 
-Every process notes its own times on the shared clock and reports them once a second (:class:`Timekeeper`), so that
-no time depends on the delay of a listener. :class:`FrameTimes` joins the reports by frame.
+Every process notes its own times on the shared clock and reports them once a second
+(:class:`~trepid.processes.journal.Timekeeper`), so that no time depends on the delay of a listener.
+:class:`FrameTimes` joins the reports by frame, in the process that reads them.
 """
 
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from trepid.bus import Bus, Latest
-from trepid.clock import Clock
 from trepid.messages import Timing
-from trepid.topics import TIMING
+from trepid.processes.journal import Times
 
-REPORT_PERIOD_S = 1.0
 HOLD_S = 5.0  # frames older than this are complete: every process reports once a second
 CLASS_S = 1e-5
 EXPOSED, SPREAD = "exposed_to_published", "spread"
@@ -24,55 +21,6 @@ STAGES = ("transport", "waiting", "step")
 DECIDES, COMMANDS, APPLIES = "supervisor", "controller", "vehicle"
 """Names of the processes behind the estimators."""
 Summary = dict[str, float]
-
-
-class Times(NamedTuple):
-    """When one process handled one frame [s]."""
-
-    published_s: float  # NaN: the message had no stamp
-    received_s: float
-    began_s: float
-    sent_s: float
-
-
-class Timekeeper:
-    """The times at which one node handles frames; published once a second."""
-
-    def __init__(self, bus: Bus, process: str, now_s: Clock) -> None:
-        self._send = bus.publisher(TIMING)
-        self._process = process
-        self._now_s = now_s
-        self._rows: list[tuple[float, Times]] = []
-        self._newest_s = -math.inf
-        self._reported_s = now_s()
-
-    def note(self, frame_s: float | None, trigger: Latest[Any], *, began_s: float) -> None:
-        """Note the output for the frame captured at ``frame_s``, which has just been sent.
-
-        ``trigger`` holds the message before. The first output for a frame counts; later ones repeat it.
-        """
-        sent_s = self._now_s()
-        if frame_s is not None and frame_s > self._newest_s:
-            self._newest_s = frame_s
-            received_s = began_s if trigger.received_s is None else trigger.received_s
-            self._rows.append((frame_s, Times(trigger.stamp.published_s, received_s, began_s, sent_s)))
-        if self._rows and sent_s - self._reported_s >= REPORT_PERIOD_S:
-            self._report(sent_s)
-
-    def _report(self, now_s: float) -> None:
-        self._reported_s = now_s
-        rows, self._rows = self._rows, []
-        self._send(
-            Timing(
-                t_s=now_s,
-                process=self._process,
-                frame_s=tuple(frame_s for frame_s, _ in rows),
-                published_s=tuple(None if math.isnan(t.published_s) else t.published_s for _, t in rows),
-                received_s=tuple(t.received_s for _, t in rows),
-                began_s=tuple(t.began_s for _, t in rows),
-                sent_s=tuple(t.sent_s for _, t in rows),
-            )
-        )
 
 
 class Histogram:

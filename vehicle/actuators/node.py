@@ -19,8 +19,8 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.loudness import warn
 from trepid.messages import Command, Health, VehicleState
+from trepid.processes.journal import Timekeeper
 from trepid.processes.process import STOP_S, Process, Ticker, process
-from trepid.processes.timing import Timekeeper
 from trepid.topics import COMMAND, DRIVER_INPUT, STOP_REQUEST, VEHICLE_STATE
 from vehicle.actuators.actuator import INVALID, Actuator, Car
 from vehicle.actuators.table import build as build_actuator

@@ -12,10 +12,10 @@ import numpy as np
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.messages import Frame
+from trepid.processes.journal import Timekeeper
 from trepid.processes.launch import Fleet
 from trepid.processes.process import Process, Ticker, process
 from trepid.processes.settings import ProcessSpec
-from trepid.processes.timing import Timekeeper
 from trepid.topics import CAMERA_IMAGE, DIAGNOSTICS, TIMING
 
 STEP_S = 0.1

@@ -9,7 +9,8 @@ import pytest
 
 from trepid.clock import UNSTAMPED
 from trepid.messages import Timing
-from trepid.processes.timing import REPORT_PERIOD_S, FrameTimes, Timekeeper
+from trepid.processes.journal import REPORT_PERIOD_S, Timekeeper
+from trepid.processes.timing import FrameTimes
 
 
 def report(process: str, *rows: tuple[float, float | None, float, float, float]) -> Timing:
