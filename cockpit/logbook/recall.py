@@ -12,12 +12,12 @@ from tempfile import TemporaryDirectory
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
-from ruamel.yaml import YAML
+from pydantic import BaseModel
 
 from drive.reason import reason
 from supervisor.rules.inference import FearRules
 from trepid.car.vehicle import Corridor
-from trepid.config import InputError, default_file
+from trepid.config import CONFIG_DIR, InputError, default_file, parse, read
 from trepid.loudness import note
 from trepid.messages import (
     CompressedFrame,
@@ -27,9 +27,10 @@ from trepid.messages import (
     SteeringEstimate,
     VehicleState,
 )
+from trepid.recording.images import recorded_settings
 from trepid.recording.notes import RULES, RULES_FROM_S
 from trepid.recording.reader import RecordingContent, Series, read_recording, read_series
-from trepid.recording.writer import CAR_FILES, rules_name
+from trepid.recording.writer import rules_name
 from trepid.topics import (
     CAMERA_COMPRESSED,
     COMMAND,
@@ -58,6 +59,12 @@ FRAME_AT = 12  # place of it in CDR: behind 4 bytes of its own, seconds and nano
 MOST_MPS = 200.0  # a faster speed cap is a sign of a malformed decision
 
 
+class DrivenPlace(BaseModel):
+    """What is read of a recorded vehicle file, which may be that of another version."""
+
+    corridor: Corridor = Corridor.LANE
+
+
 @dataclass(frozen=True)
 class Recall:
     """The messages of a drive. Times count from the start of the drive, where it was recorded [s]."""
@@ -82,10 +89,10 @@ class Recall:
 
     @cached_property
     def corridor(self) -> Corridor:
-        """What the recorded car drove in the middle of, by its recorded vehicle file."""
-        text = self.recorded.files.get(f"{CAR_FILES}vehicle.yaml", b"").decode(errors="replace")
-        given = YAML(typ="safe").load(text) or {}
-        return Corridor(given.get("corridor", Corridor.LANE))
+        """What the recorded car drove in the middle of, by its recorded vehicle file. Raises InputError."""
+        place = CONFIG_DIR / "vehicle.yaml"
+        with recorded_settings(self.recorded, place.name):
+            return parse(read(place), DrivenPlace, source=place).corridor
 
     def without_undecodable(self) -> "Recall":
         """The drive without the decisions that cannot be decoded. Raises InputError when none is left."""

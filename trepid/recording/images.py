@@ -69,12 +69,26 @@ def decode_image(message: Frame | CompressedFrame) -> Image | None:
 @contextmanager
 def recorded_car(recorded: RecordingContent) -> Iterator[None]:
     """Use the settings of the recorded car, unless another car is in use already. Raises InputError."""
-    own = {name: data for name, data in recorded.files.items() if name.startswith(CAR_FILES)}
-    if car_folder() is not None or not own:
+    if car_folder() is not None or not any(name.startswith(CAR_FILES) for name in recorded.files):
         yield
         return
-    with TemporaryDirectory() as folder:
-        for name, data in own.items():
-            (Path(folder) / Path(name).name).write_bytes(data)
-        with using_car(Path(folder)):
-            yield
+    with recorded_settings(recorded):
+        yield
+
+
+@contextmanager
+def recorded_settings(recorded: RecordingContent, *names: str) -> Iterator[None]:
+    """Use the recorded files of the car, those called ``names`` or all, in place of any car in use.
+
+    Raises InputError; a fault in one of the files is placed in the recording, as they are gone afterwards.
+    """
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary).resolve()
+        for name, data in recorded.files.items():
+            if name.startswith(CAR_FILES) and (not names or name.removeprefix(CAR_FILES) in names):
+                (folder / Path(name).name).write_bytes(data)
+        try:
+            with using_car(folder):
+                yield
+        except InputError as error:
+            raise InputError(str(error).replace(f"{folder}/", f"{recorded.path}: {CAR_FILES}")) from error

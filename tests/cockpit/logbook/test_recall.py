@@ -1,5 +1,6 @@
 """A recording identifies the rules of each decision, also when they were changed while driving."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,14 +10,18 @@ import pytest
 from supervisor_rig import ESTIMATE, STATE, Drive
 
 from cockpit.logbook.explain_drive import moment_figure
-from cockpit.logbook.recall import recall
+from cockpit.logbook.recall import Recall, recall
 from cockpit.logbook.story import overview, story
 from cockpit.logbook.story_text import story_text
 from sim_harness.compare.drives import compare_drives
 from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import RuleChange
-from trepid.config import CONFIG_DIR, InputError
+from trepid.car.camera import Camera
+from trepid.cli import main
+from trepid.config import BAD_INPUT, CONFIG_DIR, InputError, load
 from trepid.messages import CompressedFrame, Decision, Diagnostic, Health
+from trepid.recording.images import recorded_car
+from trepid.recording.reader import RecordingContent
 from trepid.recording.writer import Recording, attachments
 from trepid.topics import CAMERA_COMPRESSED, DECISION, DIAGNOSTICS, VEHICLE_STATE
 from trepid.wire import to_cdr
@@ -136,6 +141,64 @@ def test_a_recording_whose_decisions_are_all_damaged_is_refused(tmp_path: Path) 
         file.add(DECISION.key, damaged_in_its_middle(decision), at_s=decision.decided_s)
     with pytest.raises(InputError, match="contains no decision of a supervisor"):
         story(recall(path), 0.0)
+
+
+def with_vehicle_file(path: Path, text: bytes) -> Recall:
+    """A recording of one decision by a car with this vehicle file."""
+    with Recording(path, {"car/vehicle.yaml": text, **attachments(SHIPPED)}) as file:
+        decision = Drive.under_way().frame(cv=EDGES)
+        file.add(DECISION.key, to_cdr(decision), at_s=decision.decided_s)
+    return recall(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "corridor"),
+    [
+        (b"# nothing of its own\n", "lane"),
+        (b"wheelbase_m: 2.7\n", "lane"),
+        (b"corridor: null\n", "lane"),
+        (b"corridor: road\nroad_width_m: 7.0\n", "road"),
+        (b"corridor: road\nof_another_version: 1\n", "road"),
+        (b"\xef\xbb\xbfcorridor: road\n", "road"),
+        ("corridor: road\n".encode("utf-16"), "road"),
+    ],
+)
+def test_the_corridor_is_that_of_the_recorded_car_in_every_text_that_its_drive_would_read(
+    tmp_path: Path, text: bytes, corridor: str
+) -> None:
+    assert with_vehicle_file(tmp_path / "drive.mcap", text).corridor == corridor
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (b"name: x\ncorridor: rode\n", "2:1: corridor: unknown value 'rode'; did you mean 'road'?"),
+        (b"corridor: [\n", "2:1: not valid YAML: "),
+        (b"- corridor\n", "1:1: expected a mapping of names to values"),
+        (b"name: \xff\n", "1:7: byte 0xff is no UTF-8; save it as UTF-8"),
+        (bytes(40), "1:1: holds only zero bytes, as after a loss of power"),
+    ],
+    ids=["misspelt", "cut", "list", "binary", "zero"],
+)
+def test_a_damaged_vehicle_file_of_a_recording_is_one_line_that_places_it_in_the_recording(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    text: bytes,
+    fault: str,
+) -> None:
+    path = tmp_path / "drive.mcap"
+    with_vehicle_file(path, text)
+    monkeypatch.setattr(sys, "argv", ["trepid", "fear", "explain", str(path), "--at", "0"])
+    assert main() == BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{path}: car/vehicle.yaml:{fault}" in line
+
+
+def test_a_fault_in_any_recorded_file_of_a_car_is_placed_in_the_recording(tmp_path: Path) -> None:
+    recorded = RecordingContent(tmp_path / "drive.mcap", files={"car/camera.yaml": b"lens: square\n"})
+    with pytest.raises(InputError, match=r"^\S+drive\.mcap: car/camera\.yaml:1:1: "), recorded_car(recorded):
+        load(CONFIG_DIR / "camera.yaml", Camera)
 
 
 def test_what_would_raise_fear_is_not_known_where_no_inputs_are_recorded(tmp_path: Path) -> None:
