@@ -19,6 +19,7 @@ from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
 from trepid.loudness import note
 from trepid.recording.csv_file import (
+    MPS_PER_MPH,
     column_names,
     read_rows,
     refuse_halved_numbers,
@@ -30,7 +31,6 @@ from trepid.recording.reader import read_recording
 from trepid.topics import VEHICLE_STATE
 from trepid.types import Array, Image
 
-MPS_PER_MPH = 0.44704
 UDACITY_COLUMNS = 7  # center, left, right, steering, throttle, brake, speed [mph]; a header is optional
 UDACITY_STAMP = re.compile(r"_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)\.\w+$")
 LEAST_TRACKED = 0.5  # least share of the frames with a measured yaw rate

@@ -24,6 +24,7 @@ SEPARATORS = (",", ";", "\t", "|")  # of two that fit alike the first
 BLANK = " "  # between cells that none of these divides, as NumPy and pandas write them
 SAMPLED = 200  # lines that tell the separator
 ROUNDED = 3  # rows a time, on average: rounded times
+MPS_PER_MPH = 0.44704  # exact, by the international mile
 _COMMENT = ("#", "%")
 _MINUS = "\u2212"  # as some programs write negative numbers
 _STATED = re.compile(r"\"?sep=(.)\"?", re.IGNORECASE)

@@ -21,9 +21,9 @@ from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.files import read_image
 from trepid.images.video import count_frames
 from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.recording.csv_file import MPS_PER_MPH
 from trepid.types import Image
 
-MPS_PER_MPH = 0.44704
 FULL_LOCK_RAD = np.radians(25.0)  # of both steering logs, by the MANIFESTs
 HALF_WORLD = 0.467  # lengths of config/cameras/udacity_sim_half.yaml over those of the simulator
 

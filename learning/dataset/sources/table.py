@@ -20,6 +20,7 @@ from learning.dataset.sources.log import Faults, Log, SteeringUnit, number, refu
 from learning.dataset.sources.written_paths import ImageFolder
 from trepid.config import InputError
 from trepid.recording.csv_file import (
+    MPS_PER_MPH,
     Row,
     column_names,
     read_rows,
@@ -30,7 +31,6 @@ from trepid.recording.csv_file import (
 from trepid.spelling import did_you_mean
 from trepid.types import Column
 
-MPS_PER_MPH = 0.44704
 DEG = math.pi / 180.0
 UDACITY = ("center", "left", "right", "steering", "throttle", "brake", "speed")
 UDACITY_LOCK_DEG = 25.0

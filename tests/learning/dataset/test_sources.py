@@ -16,11 +16,12 @@ from foreign_ros_rig import damage_chunk
 from learning.dataset.build import read_log
 from learning.dataset.pictures import PictureReader
 from learning.dataset.sources.log import Faults, Log, SteeringUnit
-from learning.dataset.sources.table import MPS_PER_MPH, TableOptions
+from learning.dataset.sources.table import TableOptions
 from learning.dataset.sources.written_paths import ImageFolder
 from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
 from trepid.config import InputError, use_car
 from trepid.messages import CompressedFrame, VehicleState
+from trepid.recording.csv_file import MPS_PER_MPH
 from trepid.recording.writer import Recording
 from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
 from trepid.wire import to_cdr

@@ -8,7 +8,7 @@ import pytest
 from lab.bench.perception import unknown_camera
 from lab.bench.perception.unknown_camera import BeliefError, WatchedDrive, unknown_drive
 from perception.camera.odometry import StateOdometry
-from sim_harness.footage.clip import MPS_PER_MPH
+from trepid.recording.csv_file import MPS_PER_MPH
 
 SEED = 3
 
