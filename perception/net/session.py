@@ -14,6 +14,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from trepid.config import InputError, Settings, load
+from trepid.files.decoding import GIT_LFS, MARK_BYTES, other_file
 
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 import onnxruntime
@@ -44,14 +45,7 @@ RUN_FAILURES: tuple[type[Exception], ...] = (
     *(ValueError, IndexError, _ERRORS.Fail, _ERRORS.InvalidArgument),
     *(_ERRORS.NotImplemented, _ERRORS.RuntimeException),
 )
-_LFS = b"version https://git-lfs"
-_OTHER_FILES = {
-    _LFS: "a Git LFS pointer, not the network: `git lfs pull` gets it",
-    b"PK\x03\x04": "a zip archive or PyTorch checkpoint: export it to ONNX (`torch.onnx.export`)",
-    b"<!doctype html": "a web page: download the file itself",
-    b"<html": "a web page: download the file itself",
-}
-_START_BYTES = 64
+_ZIPPED = {b"PK\x03\x04": "a zip archive or PyTorch checkpoint: export it to ONNX (`torch.onnx.export`)"}
 _VERSION = onnxruntime.__version__
 _FAULTS = (
     (
@@ -101,7 +95,7 @@ def open_session(path: Path) -> InferenceSession:
     except _OPENING as error:
         pointer = _pointer_beside(path) if "External" in str(error) else None
         if pointer is not None:
-            raise InputError(f"{pointer}: {_OTHER_FILES[_LFS]}") from error
+            raise InputError(f"{pointer}: {other_file(GIT_LFS)}") from error
         raise InputError(f"{path}: {_fault_of(error)}") from error
 
 
@@ -145,15 +139,14 @@ def _fault_before(path: Path) -> str:
     """What the first bytes say against ``path``; "" for nothing."""
     try:
         with path.open("rb") as file:
-            start = file.read(_START_BYTES)
+            start = file.read(MARK_BYTES)
     except OSError as error:
         return f"cannot be read: {error.strerror}"
     if not start:
         return "is empty: copy or download it again"
     if start[4:8] == b"TFL3":
         return "a TensorFlow Lite model, not ONNX: only detectors (`.tflite`) are read from these"
-    known = (text for mark, text in _OTHER_FILES.items() if start.lstrip().lower().startswith(mark.lower()))
-    return next(known, "")
+    return other_file(start, _ZIPPED)
 
 
 def _pointer_beside(path: Path) -> Path | None:
@@ -162,7 +155,7 @@ def _pointer_beside(path: Path) -> Path | None:
     for file in sorted(path.parent.iterdir()):
         if file.name.encode() in network and file.is_file():
             with file.open("rb") as opened:
-                if opened.read(len(_LFS)) == _LFS:
+                if opened.read(len(GIT_LFS)) == GIT_LFS:
                     return file
     return None
 

@@ -6,6 +6,8 @@ page of Windows may be read as Windows-1252 where they are not UTF-8; this decid
 """
 
 import codecs
+from collections.abc import Mapping
+from types import MappingProxyType
 
 _MARKS = (  # UTF-32 first: its mark begins with that of UTF-16
     (codecs.BOM_UTF32_LE, "utf-32-le"),
@@ -17,18 +19,18 @@ _MARKS = (  # UTF-32 first: its mark begins with that of UTF-16
 _BEGINNING = 4096  # bytes that tell UTF-16 without a mark
 _ASCII_SHARE = 0.8  # of its characters there
 
-
-_NO_TEXT = (
-    (b"version https://git-lfs", "is a Git LFS pointer, not the file: `git lfs pull` gets it"),
-    (b"PK\x03\x04", "is a ZIP archive, such as a workbook (.xlsx): save or unpack it as text"),
-    (b"\x1f\x8b", "is packed by gzip: unpack it"),
-    (b"%PDF", "is a PDF document"),
-    *(
-        (start, "is a web page: download the file itself")
-        for start in (b"<!DOCTYPE html", b"<!doctype html", b"<html")
-    ),
-)
-"""How files begin that stand where a text should, and what to say of them."""
+GIT_LFS = b"version https://git-lfs"
+_PAGE = "a web page: download the file itself"
+_OTHER_FILES = {
+    GIT_LFS: "a Git LFS pointer, not the file: `git lfs pull` gets it",
+    b"PK\x03\x04": "a ZIP archive, such as a workbook (.xlsx): save or unpack it as text",
+    b"\x1f\x8b": "packed by gzip: unpack it",
+    b"%PDF": "a PDF document",
+    b"<!doctype html": _PAGE,
+    b"<html": _PAGE,
+}
+"""How files begin that stand where others should, and what to say of them."""
+MARK_BYTES = 64  # at least those of every mark, after a few blanks
 
 
 class UndecodableText(ValueError):
@@ -61,9 +63,18 @@ def decode_text(data: bytes, *, windows: bool = False, broken_bytes: bool = Fals
 
 def refuse_packed(data: bytes) -> None:
     """Raise UndecodableText where ``data`` begins like an archive, a document, or a pointer of Git LFS."""
-    for start, what in _NO_TEXT:
-        if data.startswith(start):
-            raise UndecodableText(1, 1, what)
+    if what := other_file(data):
+        raise UndecodableText(1, 1, f"is {what}")
+
+
+def other_file(data: bytes, own: Mapping[bytes, str] = MappingProxyType({})) -> str:
+    """What a file is that begins with ``data`` and stands where one of another format should; "" if not known.
+
+    ``own``: what to say, in that format, of further beginnings, or in place of the words for all.
+    """
+    start = data[:MARK_BYTES].lstrip().lower()
+    known = {**_OTHER_FILES, **own}
+    return next((what for mark, what in known.items() if start.startswith(mark.lower())), "")
 
 
 def mark_and_encoding(data: bytes) -> tuple[bytes, str]:

@@ -28,6 +28,7 @@ from mcap.stream_reader import get_chunk_data_stream
 from mcap.summary import Summary
 
 from trepid.config import InputError
+from trepid.files.decoding import MARK_BYTES, other_file
 from trepid.loudness import warn
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -59,15 +60,13 @@ _BROKEN = (
     EOFError,
 )
 """Exceptions of the libraries for a truncated record and for other content."""
-_OTHERS = (
-    (b"version https://git-lfs", "a Git LFS pointer: `git lfs pull` gets the file"),
-    (b"#ROSBAG", "a bag of ROS 1: `rosbags-convert` of the package rosbags makes one of ROS 2 in MCAP"),
-    (b"SQLite format 3", "a bag of ROS 2 in SQLite: `ros2 bag convert` makes one in MCAP"),
-    (b"PK\x03\x04", "a ZIP archive: unpack it"),
-    (b"\x1f\x8b", "packed by gzip: unpack it"),
-    (b"\x28\xb5\x2f\xfd", "packed by zstd: unpack it"),
-)
-"""How files begin that stand where a recording should, the longest first, and what to say of them."""
+_OTHERS = {
+    b"#ROSBAG": "a bag of ROS 1: `rosbags-convert` of the package rosbags makes one of ROS 2 in MCAP",
+    b"SQLite format 3": "a bag of ROS 2 in SQLite: `ros2 bag convert` makes one in MCAP",
+    b"PK\x03\x04": "a ZIP archive: unpack it",
+    b"\x28\xb5\x2f\xfd": "packed by zstd: unpack it",
+}
+"""How files begin that stand where a recording should, and what to say of them."""
 Wanted = Callable[[str], bool]
 """Whether the messages on a topic are read."""
 Damage = Callable[[str, int], None]
@@ -116,7 +115,7 @@ def records(
     report, found = damage or saying(path), False
     try:
         with path.open("rb") as file:
-            beginning = file.read(len(_OTHERS[0][0]))
+            beginning = file.read(MARK_BYTES)
             if not beginning.startswith(MAGIC):
                 raise InputError(f"{path}: not a recording: {_other(beginning)}")
             for record in _Scan(file, wanted, report).records():
@@ -136,7 +135,7 @@ def _other(beginning: bytes) -> str:
     """What a file is that begins like this and not like MCAP."""
     if not beginning:
         return "the file is empty"
-    return next((what for start, what in _OTHERS if beginning.startswith(start)), "no MCAP file")
+    return other_file(beginning, _OTHERS) or "no MCAP file"
 
 
 def summary_of(file: IO[bytes]) -> Summary | None:

@@ -67,7 +67,7 @@ FAULTS = {
     ),
     "LFS": (
         lambda path: path.write_text(POINTER),
-        "a Git LFS pointer, not the network: `git lfs pull` gets it",
+        "a Git LFS pointer, not the file: `git lfs pull` gets it",
     ),
     "empty": (lambda path: path.write_bytes(b""), "is empty: copy or download it again"),
     "web page": (
@@ -100,9 +100,7 @@ def test_weights_that_git_lfs_has_not_brought_are_called_so(tmp_path):
     path = write_table(tmp_path / "d.onnx", TABLE, data="weights.data")
     (tmp_path / "weights.data").write_text(POINTER)
     (tmp_path / "another.data").write_text(POINTER)
-    with pytest.raises(
-        InputError, match=r"/weights\.data: a Git LFS pointer, not the network: `git lfs pull`"
-    ):
+    with pytest.raises(InputError, match=r"/weights\.data: a Git LFS pointer, not the file: `git lfs pull`"):
         open_session(path)
 
 
