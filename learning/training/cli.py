@@ -227,7 +227,8 @@ def _list(as_json: bool) -> None:
     if as_json:
         print(json.dumps([{"model": name, **one._asdict()} for name, one in MODELS.items()]))
         return
-    table = Table(Column("model", no_wrap=True), "frame", "weights", "head", "memory", "source")
+    whole = (Column(name, no_wrap=True) for name in ("model", "frame", "weights", "head", "memory"))
+    table = Table(*whole, "source", box=None, pad_edge=False)
     for name, one in MODELS.items():
         memory = "yes" if one.recurrent else ""
         table.add_row(name, f"{one.width}x{one.height}", f"{one.parameters:,}", one.head, memory, one.source)

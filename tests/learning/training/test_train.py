@@ -189,6 +189,14 @@ def test_the_list_names_every_network_with_its_weights(capfd):
     assert listed.keys() == MODELS.keys() and listed["pilotnet"]["parameters"] == 252_219
 
 
+def test_a_narrow_terminal_shows_every_figure_of_the_list_in_whole(monkeypatch, capfd):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run("train", "--model", "list") == 0
+    printed = capfd.readouterr().out.split()
+    for name, one in MODELS.items():
+        assert {name, one.head, f"{one.parameters:,}"} <= set(printed)
+
+
 def test_an_unfinished_training_is_continued_or_kept(data, tmp_path, monkeypatch, capfd):
     out = tmp_path / "f.onnx"
 
