@@ -143,6 +143,9 @@ def _is_integer(recipe: Recipe, name: str, value: float | None) -> bool:
 def search_recipe(task: RecipeTask, workers: int, report: Callable[[str], None]) -> dict[str, Any]:
     """Search; the best values and what was found on the way. Raises InputError."""
     task.recipe(task.start())  # names a field that the recipe does not have before any training
+    data = Dataset.open(task.data)
+    for split in ("train", "validation"):  # what no candidate can train without, too
+        data.image(data.labelled_rows(split)[0])
     report(f"study {task.name} in {task.storage}, {len(task.parameters)} numbers")
     trials = search(task, workers, TrialProgress(task.trials, report).report)
     found = complete(trials)

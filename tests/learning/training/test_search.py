@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
 optuna = pytest.importorskip("optuna", reason="a search needs the extra: pip install -e '.[tune]'")
 
-from drive_rig import run  # noqa: E402
+from drive_rig import made_dataset, run, write_tub  # noqa: E402
 
 from learning.dataset.dataset import Dataset  # noqa: E402
 from learning.training.recipe import load_recipe  # noqa: E402
@@ -125,3 +125,15 @@ def test_a_wrong_search_is_refused_in_one_line(data, tmp_path, words, said, caps
     )
     assert code == 2 and said in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_search_on_images_that_are_not_there_ends_before_its_first_candidate(tmp_path, capsys):
+    tub = write_tub(tmp_path / "tub", 360)
+    made = made_dataset(tmp_path / "set", tub)
+    tub.rename(tmp_path / "elsewhere")
+    out = tmp_path / "n.onnx"
+    words = ["--model", "jain", "--out", str(out), "--search", "tpe"]
+    assert run("train", "--data", str(made.folder), *words) == 2
+    said = capsys.readouterr().err
+    assert "are not there any more: build it again" in said and "candidate" not in said
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "elsewhere", tmp_path / "set"]
