@@ -173,10 +173,12 @@ def _course(story: Story) -> str:
         f"At {course['from_s']:.2f} s the speed cap began to fall: from {course['cap_before_mps']:.1f}"
         f" to {course['cap_lowest_mps']:.1f} m/s by {course['lowest_s']:.2f} s{already}"
     )
-    before, lowest = course["speed_before_mps"], course["speed_lowest_mps"]
-    return text + (
-        f"; the vehicle slowed from {before:.1f} to {lowest:.1f} m/s." if before is not None else "."
-    )
+    if course["speed_before_mps"] is None:
+        return f"{text}."
+    before, lowest = (f"{course[f'speed_{name}_mps']:.1f}" for name in ("before", "lowest"))
+    if before == lowest:
+        return f"{text}; the vehicle held {before} m/s."
+    return f"{text}; the vehicle slowed from {before} to {lowest} m/s."
 
 
 def _reason(story: Story) -> str:

@@ -75,10 +75,15 @@ def test_a_hundred_random_moments_of_recordings_are_answered(drives: dict[str, P
         drive = told[name]
         span_s = drive.recorded.last_s - drive.recorded.first_s
         at_s = drive.recorded.first_s - drive.zero_s + float(rng.uniform(0.0, span_s))
-        answer = json.loads(json.dumps(story(drive, at_s), allow_nan=False))
+        found = story(drive, at_s)
+        answer = json.loads(json.dumps(found, allow_nan=False))
         assert answer["level"] in LEVELS and answer["mode"] and answer["repeats"]
         assert 0.0 <= answer["fear"] <= 1.0 and answer["rules"]
-        assert len(story_text(story(drive, at_s)).splitlines()) > 3
+        assert len(story_text(found).splitlines()) > 3
+        if found["slowed_by"] == "supervisor" and found["slow_down"]["speed_before_mps"] is not None:
+            held_mps = found["slow_down"]["speed_before_mps"]
+            text = story_text(found | {"slow_down": found["slow_down"] | {"speed_lowest_mps": held_mps}})
+            assert f"; the vehicle held {held_mps:.1f} m/s." in text and "slowed from" not in text
         kinds.add(answer["slowed_by"])
     assert kinds >= {None, "supervisor"}
 
