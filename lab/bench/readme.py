@@ -44,6 +44,18 @@ def _suite(m: Measured) -> str:
     )
 
 
+def _hard_drives(m: Measured) -> str:
+    return f"departures: {m['supervised: departures']}; nuisances: {m['nuisance slow-downs on clean roads']}"
+
+
+def _beyond_sight(m: Measured) -> str:
+    rows = m["vehicles beyond the sight"].values()
+    return (
+        f"{sum(row['collisions'] for row in rows)} collisions in {sum(row['cases'] for row in rows)} drives,"
+        f" at most {max(row['greatest_decel_mps2'] for row in rows):.1f} m/s² of braking"
+    )
+
+
 def _lockstep(m: Measured) -> str:
     rendered, true = m["rendering_and_both_estimators"], m["true_sight"]
     return f"{rendered['realtime_factor']:.1f} and {true['realtime_factor']:.0f} times real time"
@@ -67,6 +79,12 @@ ROWS: tuple[tuple[str, str, Callable[[Measured], str]], ...] = (
     ("pipeline", "published frame to command at 30 Hz: a process each; one process", _pipeline),
     ("newcomer", "from the clone to a car that drives; clone and environment", _newcomer),
     ("suite", "all scenarios in lock-step, each once", _suite),
+    ("fear-supervision", "hard drives under supervision; slow-downs on clean roads", _hard_drives),
+    (
+        "within-sight",
+        "standing and slow vehicles in fog, rain, by night, beyond crests and walls, at 5 to 25 m/s",
+        _beyond_sight,
+    ),
     (
         "lockstep",
         "the lap in lock-step on one core: rendered with both estimators; with the true lane",

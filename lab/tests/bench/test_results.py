@@ -1,5 +1,6 @@
 """The page of lab/results and the table of the README are generated from the stored rows."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,13 @@ def test_the_table_of_the_readme_is_generated_from_the_rows() -> None:
 
 def test_every_row_of_the_readme_has_a_stored_result() -> None:
     assert {name for name, _, _ in ROWS} <= set(STORED)
+
+
+def test_a_limit_of_the_readme_leaves_counts_of_stored_results_to_the_table() -> None:
+    limits = (ROOT / "README.md").read_text(encoding="utf-8").split("## Known limits")[1].split("\n## ")[0]
+    sentences = re.split(r"(?<=\.)\s", limits)
+    measured = [one for one in sentences if "lab/results" in one]
+    assert measured and not [one for one in measured if re.search(r"\b(in|of) \d+\b", one)]
 
 
 def test_a_new_result_changes_the_table_and_nothing_else(tmp_path: Path) -> None:
