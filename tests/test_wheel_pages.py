@@ -80,7 +80,11 @@ def test_every_command_of_a_page_runs_and_writes_its_files(own: Installation, pa
             for path in written:
                 remove(path)
         started_s = time.monotonic()
-        done = own.run(*words, timeout_s=PATIENCE_S)
+        try:
+            done = own.run(*words, timeout_s=PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            wrong[text] = f"has not ended after {PATIENCE_S} s"
+            continue
         why = "".join(done.stdout.splitlines()[:1]) if done.returncode == 1 else ""
         print(f"{time.monotonic() - started_s:.0f} s, exit code {done.returncode}: {' '.join(words)} {why}")
         missing = [path.name for path in written if done.returncode == 0 and not path.exists()]

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import cv2
 from chessboard_rig import FISHEYE_POSES, POSES, draw_board
-from drawn_road_rig import road
 from drive_rig import write_table, write_tub, write_udacity
 from rc_rig import FLAT
 from short_form_rig import TRUTH
@@ -16,7 +15,6 @@ from perception.segments.settings import network_description
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from trepid.car.camera import Camera
-from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, load
 from trepid.types import Image
 
@@ -33,8 +31,6 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
 def bring_files(reader: Installation) -> None:
     """What no command of Trepid writes: photographs, chessboards, a tub, logs, a film, files of other programs."""
     work = reader.work
-    for name in ("road.jpg", "street.jpg"):
-        cv2.imwrite(str(work / name), road(Lane(0.0, 0.0, 0.0, 0.0)))
     for folder, poses in (("boards", POSES), ("fisheye", FISHEYE_POSES)):
         (work / folder).mkdir()
         for number, pose in enumerate(poses):
@@ -43,6 +39,8 @@ def bring_files(reader: Installation) -> None:
     write_tub(work / "tub", frames=300)
     write_tub(work / "few-tub", frames=40)
     frames = list(road_frames())
+    for name in ("road.jpg", "street.jpg"):
+        cv2.imwrite(str(work / name), frames[0])
     write_udacity(work, frames=FRAMES)
     images = sorted(path.relative_to(work).as_posix() for path in (work / "IMG").iterdir())
     simulated = load(CONFIG_DIR / "cameras" / "udacity_sim_half.yaml", Camera)
