@@ -106,8 +106,8 @@ FORMS = (
     Form("train-lead", "one pass over ten roads", more="--roads 10 --epochs 1 --weights weights"),
     Form(
         "correct",
-        "one pass over the frames, and fast drives on a short road",
-        more="--set stages.0.epochs=1 --speed 15",
+        "one round of one pass over the frames, and fast drives on a short road",
+        more="--rounds 1 --set stages.0.epochs=1 --speed 15",
         instead={"s_curve": "straight"},
     ),
     Form("dataset build", "drives of a reader", instead={"mytub": "tub", "mycar/tub": "tub"}),
