@@ -36,7 +36,6 @@ class RecorderProcess:
         self._send, self._report = bus.publisher(VEHICLE_STATE), bus.publisher(DIAGNOSTICS)
         self._press = bus.publisher(DRIVER_INPUT)
         self.button: bool | None = None  # None: no driver
-        self._next_report_s = 0.0
 
     def sends_until(self, condition: Callable[[Diagnostic], bool]) -> bool:
         """Publish states until the newest heartbeat fulfils the condition."""
@@ -52,19 +51,17 @@ class RecorderProcess:
             self._send(state)
             if self.button is not None:
                 self._press(replace(INPUT, t_s=self._clock(), record=self.button))
-            if self._clock() >= self._next_report_s:  # seldom: a report hides the heartbeat just before it
-                self._next_report_s = self._clock() + 0.3
-                began = ((BEGAN, "123000000000"),)
-                self._report(
-                    Diagnostic(
-                        t_s=self._clock(), process=LAUNCHER, health=Health.OK, message="", values=began
-                    )
-                )
             time.sleep(0.002)
             beat = self._heard.take()
             return beat is not None and beat.process == "recorder" and condition(beat)
 
-        return until(holds, patience_s=30)
+        return until(holds, patience_s=120)
+
+    def reports_start(self) -> float:
+        """Publish the heartbeat of a launcher with the start of the drive; the time of this heartbeat."""
+        now_s, began = self._clock(), ((BEGAN, "123000000000"),)
+        self._report(Diagnostic(t_s=now_s, process=LAUNCHER, health=Health.OK, message="", values=began))
+        return now_s
 
     def adopts(self, rules: str) -> None:
         """Publish the heartbeat of a supervisor that has adopted changed rules."""
@@ -167,8 +164,10 @@ def test_the_recorder_notes_the_start_of_the_drive_that_the_launcher_reports(
     path = tmp_path / "drive.mcap"
     with recorder(path) as running:
         recorded = recorder.of(running)
-        for _ in range(2):  # the second heartbeat comes after a period of writing
-            assert recorded.sends_until(lambda beat: beat.message == "")
+        assert recorded.sends_until(lambda beat: beat.message == "")
+        reported_s = recorded.reports_start()
+        for _ in range(2):  # the recorder has heard what was published before its last heartbeat
+            assert recorded.sends_until(lambda beat: beat.message == "" and beat.t_s > reported_s)
     found = read_recording(path, VEHICLE_STATE.key)
     assert found.began_s == 123.0
     assert found.of(VEHICLE_STATE)
