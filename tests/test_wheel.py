@@ -60,11 +60,6 @@ def test_the_laboratory_is_a_package_of_its_own(wheel: Installation) -> None:
     assert {"results", "lab"}.isdisjoint(folders) and {"recording", "lockstep", "replay"} <= folders
 
 
-def test_scenarios_run_in_lock_step(wheel: Installation) -> None:
-    done = wheel.trepid("sim", "run", "straight", "--set", "sight=truth", "--set", "duration_s=3", "--json")
-    assert json.loads(done.stdout)["departures"] == 0, done.stderr
-
-
 def test_all_processes_drive_and_nothing_is_written_beside_the_packages(wheel: Installation) -> None:
     before, work = wheel.files(), set(wheel.work.iterdir())
     done = wheel.trepid("drive", "--duration", "10", "--no-dashboard", "--json")

@@ -225,12 +225,3 @@ def test_a_driver_hands_over_a_live_car_at_speed() -> None:
     assert (returncode, row["reasons"]) == (0, [])
     assert row["distance_m"] > 4 * 5.0
     assert "STOP" not in row["modes"] or row["modes"]["STOP"] < 0.2
-
-
-def test_no_process_outlives_a_killed_launcher() -> None:
-    drive = driving(0.0, *SHORT_ROAD)
-    pids = drive.pids()
-    assert set(pids) == set(PROCESSES)
-    os.kill(drive.popen.pid, signal.SIGKILL)
-    assert all_gone(list(pids.values()), patience_s=2)
-    drive.popen.communicate(timeout=5)

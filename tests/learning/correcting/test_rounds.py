@@ -112,25 +112,18 @@ def make_correction(base: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 STEPS = [f"{step} round-{number}" for number in range(3) for step in ("train", "drive")]
 
 
-def test_every_round_trains_on_all_corrections_so_far_and_the_best_network_is_kept(
+def test_every_round_trains_the_network_before_on_all_corrections_so_far_and_the_best_is_kept(
     make_correction: Make, recorded_drive: Path
 ) -> None:
     workshop = Workshop(recorded_drive)
     rows, plan = make_correction(workshop)
     assert workshop.steps == STEPS
+    assert workshop.starts == [None, plan.network(0), plan.network(1)]
     assert [row["interventions"] for row in rows] == [3, 2, 1]
     added = [row["corrections"] for row in rows]
     assert added[0] == 0 < added[1] and added[2] == 2 * added[1]
     assert plan.out.read_bytes() == plan.network(2).read_bytes()
     assert "round 2 of 2" in plan.out.with_suffix(".md").read_text()
-
-
-def test_every_round_begins_with_the_network_of_the_round_before(
-    make_correction: Make, recorded_drive: Path
-) -> None:
-    workshop = Workshop(recorded_drive)
-    _, plan = make_correction(workshop)
-    assert workshop.starts == [None, plan.network(0), plan.network(1)]
 
 
 def test_a_network_that_is_there_is_not_overwritten(
