@@ -72,11 +72,14 @@ def test_without_steering_the_path_is_that_of_the_images():
 def test_the_scores_are_means_over_runs_and_sums_of_interventions():
     (stretch,) = with_paths(list(stretches_of("set", iter(pictures(count=125, speed_mps=10.4)))))
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    runs = [resimulate(stretch.drive, vehicle, start=PoseChange(left_m=left_m)) for left_m in (0.0, 0.5)]
-    found = scores([stretch], runs)
-    assert found["runs"] == 2 and found["interventions"] == sum(run.interventions for run in runs)
-    assert found["duration_s"] == pytest.approx(sum(run.duration_s for run in runs))
-    assert 0 <= found["engaged_percent"] <= 100 and found["mean_speed_mps"] == pytest.approx(10.4)
+    run = resimulate(stretch.drive, vehicle, start=PoseChange(left_m=0.5))
+    other = replace(run, interventions=run.interventions + 2, engaged_share=0.0, fear=run.fear + 0.1)
+    found = scores([stretch], [run, other])
+    assert found["runs"] == 2 and found["interventions"] == 2 * run.interventions + 2
+    assert found["duration_s"] == pytest.approx(2 * run.duration_s)
+    assert found["engaged_percent"] == pytest.approx(50 * run.engaged_share, abs=0.1)
+    assert found["mean_fear"] == pytest.approx(run.fear.mean() + 0.05, abs=0.01)
+    assert found["mean_speed_mps"] == pytest.approx(10.4)
 
 
 def test_without_any_set_there_is_one_line(tmp_path: Path):
