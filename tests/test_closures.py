@@ -46,7 +46,7 @@ CLOSURES = {
         "import perception.node\nfrom perception.estimators import build\nassert build('cv')",
         {"perception"},
         47,
-        4_750,
+        4_775,
     ),
     "cv, which judges the image": Closure(
         "import perception.node\n"
@@ -55,7 +55,7 @@ CLOSURES = {
         "assert build('cv') and build_judge()",
         {"perception"},
         59,
-        6_070,
+        6_095,
     ),
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
@@ -67,7 +67,7 @@ CLOSURES = {
         "import perception.node, perception.segments.estimator",
         {"perception"},
         54,
-        5_150,
+        5_175,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",

@@ -1,4 +1,4 @@
-"""The choice between the candidates of a frame and the remembered lane."""
+"""The choice between the candidates of a frame and the remembered lane, and whether a lane follows itself."""
 
 from dataclasses import replace
 
@@ -195,6 +195,41 @@ class LaneChoice:
 
     def _probability(self, candidate: Candidate, memory: LaneMemory) -> float:
         return self._rating.probability_of(candidate, looks=memory.looks)
+
+
+class SecondLook:
+    """Compares a lane between edges with a search that does not know it, in every ``second_every``-th frame.
+
+    Near the remembered lane edges are found in any texture: in fallen snow the borders of patches confirm a lane
+    that the road has left, with a probability of 0.7. Where the image shows the edges of the road, a search over
+    all shapes finds the same direction; where it finds another one, the lane follows itself.
+    """
+
+    def __init__(self, settings: LaneCvSettings) -> None:
+        self._settings = settings
+        self._frames = 0  # between edges, in a row
+        self._agreement = 1.0  # share of the looks that agree; the newest counts 1/``second_looks``
+
+    def step(self, fit: LaneFit, search: FrameSearch) -> float:
+        """Factor of the probability of ``fit``, the lane detected in the frame; 1 between lines.
+
+        The share a counts as a/``second_enough``, at most 1, because one look errs more often than a lane that is
+        followed. A look that finds no road counts for neither.
+        """
+        track = self._settings.track
+        if not fit.by_edges:
+            self._frames, self._agreement = 0, 1.0
+            return 1.0
+        found = search.edges_anywhere() if self._frames % track.second_every == 0 else None
+        self._frames += 1
+        if found is not None and found.boundaries_seen == 2:
+            agrees = abs(self._aside_m(found.state) - self._aside_m(fit.state)) < track.second_gate_m
+            self._agreement += (agrees - self._agreement) / track.second_looks
+        return min(1.0, self._agreement / track.second_enough)
+
+    def _aside_m(self, lane: LaneState) -> float:
+        """By how much ``lane`` leads aside up to the look-ahead [m], + left: its direction, not its place."""
+        return lane.clothoid.y_m(self._settings.steering.lookahead_m) - lane.clothoid.y_m(0.0)
 
 
 def _continues(fit: LaneFit, lane: LaneState, track: TrackSettings) -> bool:

@@ -23,7 +23,7 @@ from copy import copy
 import numpy as np
 
 from perception.lane.camera_check import CameraCheck
-from perception.lane.choice import LaneChoice
+from perception.lane.choice import LaneChoice, SecondLook
 from perception.lane.frame_search import FrameSearch
 from perception.lane.memory import LINES, LaneMemory
 from perception.lane.model.evidence import LaneFit
@@ -56,6 +56,7 @@ class LaneCv:
         self._memory = LaneMemory(settings, self._rating)
         self._choice = LaneChoice(settings, self._rating)
         self._camera_check = CameraCheck(settings.camera_check)
+        self._second_look = SecondLook(settings)
         self._shown: tuple[FrameSearch, LaneState] | None = None  # the last frame and its lane
         self.features: Features | None = None  # of the last confidence; None without a lane
 
@@ -64,6 +65,7 @@ class LaneCv:
         twin = copy(self)
         twin._memory, twin._choice = copy(self._memory), copy(self._choice)
         twin._camera_check = copy(self._camera_check)
+        twin._second_look = copy(self._second_look)
         return twin
 
     @property
@@ -88,6 +90,7 @@ class LaneCv:
             self._camera_check.step(found.fit, motion, dt_s=frame.t_s - memory.seen_t_s)
             lane = memory.update(found, frame.t_s)
             self._shown = search, lane
+            memory.confirmed = self._second_look.step(found.fit, search)
             if self._guarded:
                 memory.one_lane = self._one_lane(lane)
                 memory.most = self._most_by_pixels(found.fit, search, lane)
@@ -121,7 +124,8 @@ class LaneCv:
         """The probability that the remembered lane, reported as ``lane``, is right."""
         memory = self._memory
         self.features = self._rating.features(memory.factors, lane, looks=memory.looks)
-        return min(memory.one_lane * self._rating.probability(self.features), memory.most)
+        probability = memory.confirmed * memory.one_lane * self._rating.probability(self.features)
+        return min(probability, memory.most)
 
     def _one_lane(self, lane: LaneState) -> float:
         """Probability that the detected ``lane`` is not both lanes of a road; 1 where two would not fit into it."""

@@ -26,6 +26,7 @@ class LaneMemory:
         self.factors = NO_FACTORS  # of the last detection
         self.probability = 0.0  # of the last detection
         self.one_lane = 1.0  # ..., that it is not both lanes of a road
+        self.confirmed = 1.0  # ..., of edges: that a search without memory finds them
         self.most = 1.0  # ..., the most confidence that pixels give to it
         self.end_m = 0.0  # place ahead of the axle up to which points of any frame support the lane
         self.width_seen = False  # whether both boundaries of the remembered lane were detected together

@@ -11,7 +11,7 @@ from perception.lane.model.prior import PriorSettings
 from trepid.clothoid import advance_clothoid
 from trepid.config import Settings
 from trepid.messages import VehicleState
-from trepid.types import Array, Positive, Share
+from trepid.types import Array, Positive, PositiveShare, Share
 
 MAX_SPEED_MPS = (
     100.0  # a state beyond it, or beyond the next one, is none (supervisor.yaml has the same limits)
@@ -45,6 +45,10 @@ class TrackSettings(Settings):
     lines_every: Annotated[int, Field(ge=1)]
     rival_every: Annotated[int, Field(ge=2)]
     rival_margin: Share
+    second_every: Annotated[int, Field(ge=1)]
+    second_looks: Annotated[float, Field(ge=1)]
+    second_gate_m: Positive
+    second_enough: PositiveShare
 
 
 class VehicleMotion(NamedTuple):

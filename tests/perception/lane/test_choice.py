@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.estimators import lane_cv_settings
-from perception.lane.choice import LaneChoice
+from perception.lane.choice import LaneChoice, SecondLook
 from perception.lane.memory import LaneMemory
 from perception.lane.model.evidence import NO_SUPPORT, BoundarySupport, LaneFit
 from perception.lane.model.geometry import KAPPA, WIDTH, E, LaneState
@@ -222,3 +222,50 @@ def test_edges_right_after_lines_do_not_replace_a_more_probable_remembered_lane(
     given.edges_at = lambda predicted: edges
     assert RATING.candidate(edges).score >= SETTINGS.min_score
     assert choose(given, memory) is None
+
+
+STRAIGHT_EDGES, BENT_EDGES = fit(4.2, 0.35, apart=8.0), fit(4.2, 0.35, apart=8.0, bend_1pm=0.05)
+FEW = 3 * SETTINGS.track.second_every  # frames with three looks
+
+
+def factors(lane: LaneFit, found: LaneFit, frames: int, look: SecondLook | None = None) -> list[float]:
+    look = look or SecondLook(SETTINGS)
+    return [look.step(lane, GivenSearch(edges=found)) for _ in range(frames)]
+
+
+def test_a_lane_between_edges_that_a_search_without_memory_contradicts_loses_its_probability_within_looks():
+    seen = factors(STRAIGHT_EDGES, BENT_EDGES, 2 * FEW)
+    assert seen[0] > 0.8, "one look errs"
+    assert seen[FEW] < 0.5 and seen[-1] < 0.2
+    assert seen == sorted(seen, reverse=True)
+
+
+@pytest.mark.parametrize("found", [fit(6.9, 0.35, apart=8.0, offset_m=1.7), NO_LANE])
+def test_another_width_or_place_of_the_same_road_and_a_search_in_vain_raise_no_doubt(found):
+    assert factors(STRAIGHT_EDGES, found, FEW) == [1.0] * FEW
+
+
+def test_bends_to_either_side_are_doubted_alike():
+    mirrored = fit(4.2, 0.35, apart=8.0, bend_1pm=-0.05)
+    assert factors(STRAIGHT_EDGES, BENT_EDGES, FEW) == factors(STRAIGHT_EDGES, mirrored, FEW)
+    assert factors(BENT_EDGES, mirrored, FEW) == factors(mirrored, BENT_EDGES, FEW)
+
+
+def test_a_lane_between_lines_is_not_searched_again_and_ends_the_doubt():
+    look, given = SecondLook(SETTINGS), GivenSearch(edges=BENT_EDGES)
+    assert factors(STRAIGHT_EDGES, BENT_EDGES, FEW, look)[-1] < 1.0
+    assert [look.step(GOOD, given) for _ in range(FEW)] == [1.0] * FEW and given.searched == []
+    assert factors(STRAIGHT_EDGES, STRAIGHT_EDGES, FEW, look) == [1.0] * FEW
+
+
+def test_edges_that_are_found_again_end_the_doubt():
+    look = SecondLook(SETTINGS)
+    doubted = factors(STRAIGHT_EDGES, BENT_EDGES, 2 * FEW, look)[-1]
+    assert doubted < 0.2 and factors(STRAIGHT_EDGES, STRAIGHT_EDGES, 2 * FEW, look)[-1] == 1.0
+
+
+def test_a_second_look_is_due_in_every_nth_frame_between_edges():
+    given, look = GivenSearch(edges=STRAIGHT_EDGES), SecondLook(SETTINGS)
+    for _ in range(FEW):
+        look.step(STRAIGHT_EDGES, given)
+    assert given.searched == ["edges"] * 3
