@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
+import numpy as np
 from chessboard_rig import FISHEYE_POSES, POSES, draw_board
 from drive_rig import write_table, write_tub, write_udacity
 from rc_rig import FLAT
@@ -36,7 +37,7 @@ def bring_files(reader: Installation) -> None:
         for number, pose in enumerate(poses):
             image = draw_board(*pose, fisheye=folder == "fisheye")
             cv2.imwrite(str(work / folder / f"{number}.png"), image)
-    write_tub(work / "tub", frames=300)
+    write_tub(work / "tub", frames=300, speeds_mps=np.full(300, 3.0))
     write_tub(work / "few-tub", frames=40)
     frames = list(road_frames())
     for name in ("road.jpg", "street.jpg"):
