@@ -7,8 +7,8 @@ histogram matching of the paper. Where torch sees a GPU the frames have the size
 the REDUCED sizes, which two cores train in a night.
 
 A night is long, and sizes that differ compare no networks: :func:`bench_trunks` trains all networks of the paper at
-one small recipe, TRUNKS, with equal frames, pixels and epochs, in half an hour of one core. Sequences show somewhat
-fewer frames, since none passes the end of a drive.
+one small recipe, TRUNKS, with equal frames, pixels and epochs, in an hour and a half of one core. Sequences show
+somewhat fewer frames, since none passes the end of a drive.
 """
 
 import math
@@ -83,9 +83,9 @@ REDUCED: Mapping[str, tuple[int, int]] = {  # network -> width, height [px] on a
 }
 EPOCHS = {"cuda": 12, "cpu": 8}
 TRUNK_ROADS = 24
-TRUNK_EPOCHS = 6
+TRUNK_EPOCHS = 20
 TRUNK_BATCH = 16  # frames
-TRUNK_FRAMES_SHARE = 0.5
+TRUNK_FRAMES_SHARE = 1.0
 JOBS = {"cuda": 4, "cpu": 1}  # trainings at a time
 RATE, RATE_VGG = 1.0e-3, 1.0e-4  # VGG has no batch normalisation
 WINDOW = 8  # frames of a sequence
