@@ -66,8 +66,8 @@ def test_the_trunks_learn_equally_many_frames_of_one_size_in_equal_epochs():
         for row, recipe in recipes.items()
         if row in ("steer", "inception-v3", "inception-rnn")
     }
-    assert shown.pop("inception-rnn") == pytest.approx(200, abs=papers.WINDOW)
-    assert set(shown.values()) == {200}
+    assert shown.pop("inception-rnn") == pytest.approx(400, abs=papers.WINDOW)
+    assert set(shown.values()) == {400}
     rnn = recipes["inception-rnn"]
     assert rnn.window * rnn.batch == recipes["vgg19"].batch, "as many frames in a step"
 
