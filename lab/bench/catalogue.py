@@ -220,7 +220,6 @@ BENCHMARKS = {
     "study-conditions": Benchmark(
         "study.conditions",
         "autonomy by light, weather, road and speed: vision alone, a network alone, both under fear; what failed",
-        pictured=False,
         continued=True,
     ),
     "study-rules": Benchmark(
