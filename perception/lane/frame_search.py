@@ -59,6 +59,10 @@ class FrameSearch:
 
     def edges_anywhere(self) -> LaneFit:
         """The road whose edges enclose the most road likelihood: among all shapes, then near the best one."""
+        return self._road_anywhere
+
+    @cached_property
+    def _road_anywhere(self) -> LaneFit:
         finder, prior = self._view.edges, self._settings.prior
         sums, steps = self._road_sums, finder.steps(self._road_image)
         start = finder.search(sums, steps, prior.road)
