@@ -207,24 +207,26 @@ class SecondLook:
 
     def __init__(self, settings: LaneCvSettings) -> None:
         self._settings = settings
-        self._frames = 0  # between edges, in a row
+        self._frames = 0  # between edges
         self._agreement = 1.0  # share of the looks that agree; the newest counts 1/``second_looks``
 
     def step(self, fit: LaneFit, search: FrameSearch) -> float:
-        """Factor of the probability of ``fit``, the lane detected in the frame; 1 between lines.
+        """Factor of the probability of ``fit``, the lane detected in the frame.
 
         The share a counts as a/``second_enough``, at most 1, because one look errs more often than a lane that is
-        followed. A look that finds no road counts for neither.
+        followed. A look that finds no road counts for neither. Lines are not searched again, and the frames with
+        lines count as much as looks in as many frames: the border of a patch looks like a line for single frames,
+        and a marked road has lines in most of them.
         """
         track = self._settings.track
         if not fit.by_edges:
-            self._frames, self._agreement = 0, 1.0
-            return 1.0
-        found = search.edges_anywhere() if self._frames % track.second_every == 0 else None
-        self._frames += 1
-        if found is not None and found.boundaries_seen == 2:
-            agrees = abs(self._aside_m(found.state) - self._aside_m(fit.state)) < track.second_gate_m
-            self._agreement += (agrees - self._agreement) / track.second_looks
+            self._agreement += (1.0 - self._agreement) / (track.second_looks * track.second_every)
+        else:
+            found = search.edges_anywhere() if self._frames % track.second_every == 0 else None
+            self._frames += 1
+            if found is not None and found.boundaries_seen == 2:
+                agrees = abs(self._aside_m(found.state) - self._aside_m(fit.state)) < track.second_gate_m
+                self._agreement += (agrees - self._agreement) / track.second_looks
         return min(1.0, self._agreement / track.second_enough)
 
     def _aside_m(self, lane: LaneState) -> float:
