@@ -214,13 +214,12 @@ class SecondLook:
         """Factor of the probability of ``fit``, the lane detected in the frame.
 
         The share a counts as a/``second_enough``, at most 1, because one look errs more often than a lane that is
-        followed. A look that finds no road counts for neither. Lines are not searched again, and the frames with
-        lines count as much as looks in as many frames: the border of a patch looks like a line for single frames,
-        and a marked road has lines in most of them.
+        followed. A look that finds no road counts for neither. A frame with lines counts 1/``second_lines`` for the
+        lane: a marked road has lines in most frames, the border of a patch half a second before a slow car.
         """
         track = self._settings.track
         if not fit.by_edges:
-            self._agreement += (1.0 - self._agreement) / (track.second_looks * track.second_every)
+            self._agreement += (1.0 - self._agreement) / track.second_lines
         else:
             found = search.edges_anywhere() if self._frames % track.second_every == 0 else None
             self._frames += 1

@@ -47,6 +47,7 @@ class TrackSettings(Settings):
     rival_margin: Share
     second_every: Annotated[int, Field(ge=1)]
     second_looks: Annotated[float, Field(ge=1)]
+    second_lines: Annotated[float, Field(ge=1)]
     second_gate_m: Positive
     second_enough: PositiveShare
 
