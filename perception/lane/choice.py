@@ -207,8 +207,8 @@ class SecondLook:
 
     def __init__(self, settings: LaneCvSettings) -> None:
         self._settings = settings
-        self._frames = 0  # between edges
-        self._agreement = 1.0  # share of the looks that agree; the newest counts 1/``second_looks``
+        # Frames between edges, and the share of the looks that agree, of which the newest counts 1/``second_looks``.
+        self._frames, self._agreement = 0, 1.0
 
     def step(self, fit: LaneFit, search: FrameSearch) -> float:
         """Factor of the probability of ``fit``, the lane detected in the frame.
