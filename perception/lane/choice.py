@@ -207,7 +207,7 @@ class SecondLook:
 
     def __init__(self, settings: LaneCvSettings) -> None:
         self._settings = settings
-        # Frames between edges, and the share of the looks that agree, of which the newest counts 1/``second_looks``.
+        # Frames between edges; share of the looks that agree, of which the newest counts 1/``second_looks``.
         self._frames, self._agreement = 0, 1.0
 
     def step(self, fit: LaneFit, search: FrameSearch) -> float:
