@@ -79,6 +79,7 @@ FORMS = (
     Form("sim run circuit --estimator", "a network of one pass over the frames drives badly", may_fail=True),
     Form("sim run s_curve --set speed_mps=2.235", "likewise", may_fail=True),
     Form("sim run carpet", "the page says that this car does not start", may_fail=True),
+    Form("sim run cut_in --sample", "a drawn car may change lanes into the side of the other", may_fail=True),
     Form("sim run tight_white", "a small car starts later", more="--set duration_s=10"),
     Form("estimate --estimator steer.onnx", "a tub of a reader", instead={"mytub/images": "tub/images"}),
     Form("sim run all", "one of all", instead={"all": "straight"}),
