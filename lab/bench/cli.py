@@ -119,6 +119,13 @@ def bench(
             help="faults: names, separated by commas; fear-severity: of disturbances and faults; default: all."
         ),
     ] = "",
+    against: Annotated[
+        str,
+        typer.Option(
+            metavar="COMMIT",
+            help="renderer, lockstep: computing time beside that of another commit, in turns; not stored.",
+        ),
+    ] = "",
 ) -> int:
     """Measure time and accuracy of the parts, relative to a peer in the same run."""
     if list_only:
@@ -129,6 +136,8 @@ def bench(
         return 0
     wanted = benchmarks(names or BY_DEFAULT)
     if save_in is not None:
+        if against:
+            raise InputError("--against measures a difference and is not stored: leave out --save")
         check_folder(save_in)
     if seed is None:
         seed = CONTINUED_SEED if any(BENCHMARKS[name].continued for name in wanted) else secrets.randbits(32)
@@ -138,6 +147,7 @@ def bench(
         data=data,
         out=out,
         sets=_split_names(sets),
+        against=against,
     )
     options |= dict(quick=quick, repeats=repeats, jobs=jobs, keep_frames=keep_frames)
     options |= dict(count=count, duration=duration, wires=_split_names(wires), faults=_split_names(faults))

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from lab.bench.commits.paired import against_commit
 from perception.estimators import ESTIMATORS, build
 from perception.sight.judge import build as build_judge
 from sim_harness.scenarios.scenario import load_scenario
@@ -60,8 +61,13 @@ def bare_canny_chain(image: Image) -> object:
     return cv2.HoughLinesP(cv2.Canny(grey, 50, 150), 1, np.pi / 180, 20, minLineLength=20, maxLineGap=10)
 
 
-def bench_renderer() -> dict[str, Any]:
-    """Frames per second of the renderer over a lap of the circuit, painting of the ground included."""
+def bench_renderer(against: str = "") -> dict[str, Any]:
+    """Frames per second of the renderer over a lap of the circuit, painting of the ground included.
+
+    ``against`` a commit: the time of a frame beside that of the commit instead.
+    """
+    if against:
+        return against_commit("frame", against)
     cv2.setNumThreads(1)
     started_s = time.process_time()
     times_s = [time_s for *_, time_s in lap()]

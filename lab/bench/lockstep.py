@@ -13,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from lab.bench.commits.paired import against_commit
 from lab.bench.plants import peers, steps_per_s
 from sim_harness.lockstep.closed_loop import ClosedLoop, build_parts
 from sim_harness.lockstep.vehicle import load_simulator
@@ -24,8 +25,13 @@ RUNS = 3
 SIGHTS = {"true_sight": {"sight": "truth"}, "rendering_and_both_estimators": {}}
 
 
-def bench_lockstep() -> dict[str, Any]:
-    """Real-time factors of a lap of the circuit, medians of runs that take turns, and steps per second."""
+def bench_lockstep(against: str = "") -> dict[str, Any]:
+    """Real-time factors of a lap of the circuit, medians of runs that take turns, and steps per second.
+
+    ``against`` a commit: the time of a simulated second with pixels beside that of the commit instead.
+    """
+    if against:
+        return against_commit("drive", against)
     cv2.setNumThreads(1)
     scenarios = {name: load_scenario("circuit", changes) for name, changes in SIGHTS.items()}
     factors: dict[str, list[tuple[float, float]]] = {name: [] for name in scenarios}

@@ -1,0 +1,1 @@
+"""This tree beside another commit: computing times of frames and drives."""
