@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from sim_harness.world.roads.appearance import Marking, Paint, Section, Stroke, Surface, Verge
+from sim_harness.world.roads.appearance import Paint, Section, Stroke, Surface, Verge
 from sim_harness.world.roads.road import RoadSettings, Segment
 
 RAMP = 1 / 3  # length of the clothoids, in lane widths
@@ -23,7 +23,7 @@ class TrackLook(NamedTuple):
 
     floor: Verge
     left: Paint
-    right: Paint
+    right: Paint | None  # None: the line `left` lies alone in the middle of the lane, and the car follows it
     dashed_left: bool = False  # the middle of a road for both ways, of which the car keeps the right half
     window_light: float = 0.0
 
@@ -40,9 +40,10 @@ LOOKS: Mapping[str, TrackLook] = MappingProxyType(
         "blue_on_light": TrackLook(Verge.LIGHT_FLOOR, Paint.BLUE, Paint.BLACK),
         "white_on_carpet": TrackLook(Verge.CARPET, Paint.WHITE, Paint.WHITE),
         "yellow_on_carpet": TrackLook(Verge.CARPET, Paint.YELLOW, Paint.WHITE),
+        "single_on_mat": TrackLook(Verge.MAT, Paint.WHITE, None),
     }
 )
-"""Ten tapes and floors, by name."""
+"""Ten tapes and floors with two lines, and a single line, by name."""
 
 
 def taped_track(name: str, look: TrackLook, *, lane_width_m: float, bend: float) -> RoadSettings:
@@ -72,14 +73,16 @@ def _section(look: TrackLook, lane_width_m: float) -> Section:
     width_m = TAPE * lane_width_m
     dashes = {"dash_m": DASH * lane_width_m, "gap_m": GAP * lane_width_m}
     stroke = {"stroke": Stroke.DASHED, **dashes} if look.dashed_left else {"stroke": Stroke.SOLID}
+    lines = {"left": {"paint": look.left, "width_m": width_m, **stroke}}
+    if look.right is None:
+        lines = {"middle": lines["left"], "left": {"stroke": Stroke.NONE}, "right": {"stroke": Stroke.NONE}}
+    else:
+        lines["right"] = {"paint": look.right, "width_m": width_m, "stroke": Stroke.SOLID}
     return Section.model_validate(
         {
             "name": "tape",
             "start_m": 0.0,
-            "left": {"paint": look.left, "width_m": width_m, **stroke},
-            "right": Marking(stroke=Stroke.SOLID, paint=look.right, width_m=width_m).model_dump(
-                exclude_unset=True
-            ),
+            **lines,
             "surface": Surface.FLOOR,
             "paved_left_m": 0.0,
             "paved_right_m": 0.0,

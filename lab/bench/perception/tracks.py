@@ -1,12 +1,15 @@
-"""Laps on small taped tracks with pixels: ovals with bends of 1.5, 2 and 3 lane widths, on ten tapes and floors.
+"""Laps on small taped tracks with pixels: ovals with bends of 1.5, 2 and 3 lane widths, on ten tapes and floors,
+and along a single line.
 
-The car is ``config/cars/mini`` on lanes of 0.22 m. A lap begins at standstill. The time until the supervisor first
-lets the car drive does not count: it waits for healthy inputs at every start.
+The car is ``config/cars/mini`` on lanes of 0.22 m; for the single line with ``lines: middle`` in
+``tape.yaml``. A lap begins at standstill. The time until the supervisor first lets the car drive does not count: it
+waits for healthy inputs at every start.
 
 Every lap is one line in ``runs/tracks_<seed>.jsonl``; stored laps are not repeated, so that an interrupted
 benchmark continues.
 """
 
+import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from perception.tape.settings import Lines
 from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import Scenario
@@ -79,9 +83,19 @@ def scenario_of(lap: Lap, folder: Path) -> Scenario:
     )
 
 
+def car_of(lap: Lap, folder: Path) -> Path:
+    """The folder of the car of a lap: the shipped one, or a copy in ``folder`` that follows a single line."""
+    car = CONFIG_DIR / "cars" / CAR
+    if LOOKS[lap.look].right is not None:
+        return car
+    car = Path(shutil.copytree(car, folder / CAR))
+    (car / "tape.yaml").write_text(f"lane: {{lines: {Lines.MIDDLE}}}\n", encoding="utf-8")
+    return car
+
+
 def driven_row(lap: Lap) -> Row:
     """The stored row of a lap."""
-    with using_car(CONFIG_DIR / "cars" / CAR), tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, using_car(car_of(lap, Path(folder))):
         result = run(scenario_of(lap, Path(folder)), seed=lap.seed)
     metrics, trace = result.metrics, result.trace
     engaged_percent, speed_mps = since_start(trace)

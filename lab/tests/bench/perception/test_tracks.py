@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.bench.perception.tracks import BENDS, ESTIMATORS, Lap, scenario_of, summary
+from lab.bench.perception.tracks import BENDS, ESTIMATORS, Lap, driven_row, scenario_of, summary
 from sim_harness.world.tracks import LOOKS
 from trepid.config import CONFIG_DIR, using_car
 
@@ -42,4 +42,13 @@ def test_one_bad_lap_shows_in_its_bend_its_look_and_in_all() -> None:
     assert tables["all laps"]["departures"] == 2 and tables["all laps"]["least_speed_mps"] == 0.1
     assert tables["by bend"]["R = 1.5 lane widths, left"]["departures"] == 2
     assert sum(scores["departures"] for scores in tables["by tape and floor"].values()) == 2
-    assert tables["by bend"]["R = 1.5 lane widths, right"]["finished"] == 10
+    assert tables["by bend"]["R = 1.5 lane widths, right"]["finished"] == len(LOOKS)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("bend", [1.5, -1.5])
+def test_the_car_follows_a_single_line_through_the_tightest_bends(bend: float) -> None:
+    lap = driven_row(Lap(bend, "single_on_mat", 0, ESTIMATORS))
+    assert lap["finished"] and lap["departures"] == 0
+    assert lap["engaged_percent"] >= 95.0 and lap["speed_mps"] >= 0.3
+    assert lap["largest_offset_m"] < 0.03  # the tape is 0.024 m wide
