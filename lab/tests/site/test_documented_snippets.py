@@ -152,3 +152,10 @@ def test_the_world_and_the_input_of_the_page_have_the_interface_of_a_plug_in() -
     asked = {name for name in vars(World) if not name.startswith("_") and callable(getattr(World, name))}
     assert asked <= vars(names["Ring"]).keys()
     assert isinstance(names["yaw_doubt"], FearInput)
+
+
+def test_the_page_prints_the_world_of_the_example_and_its_glue_is_short() -> None:
+    text = (ROOT / "examples" / "add_on" / "trepid_add_on" / "world.py").read_text(encoding="utf-8")
+    printed = [one.text for one in SNIPPETS if (one.page, one.language) == ("plugins.md", "python")]
+    assert text in printed
+    assert len(text.splitlines()) <= 120
