@@ -31,7 +31,6 @@ def test_the_car_of_the_page_drives_its_circuit_through_a_board(work: Path, boar
         done = run(command, work)
         assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
     done = run(f"{drive} --json", work)
-    assert "the estimator cnn does not run" in done.stderr
     row = json.loads(done.stdout)
     latency = row["latency_ms"].get("frame_to_command") or {}
     if done.returncode and latency.get("max", 0.0) > STALLED_MS:

@@ -101,22 +101,22 @@ class SteerNetRecord(WeightsRecord):
 
 
 def misfit(settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> str:
-    """How the lanes of ``vehicle``, or their image in ``camera``, differ from those of training; "" if not.
+    """How the image of the lanes of ``vehicle`` in ``camera`` differs from those of training; "" if it does not.
 
-    From a camera at the height h a lane of width w has the image of a lane of width w·h_c/h from the canonical
-    height h_c.
+    An image has no scale: from a camera at the height h a lane of width w has the image of a lane of width w·h_c/h
+    from the canonical height h_c, for a car of any size. Compared to the centimetre, as the text says it.
     """
     weights = resource(Path(settings.weights))
     if not weights.is_file():
         return ""  # the constructor reports it
     record = load_record(weights, SteerNetRecord)
     low_m, high_m = record.lane_width_m
-    seen_m = vehicle.lane_width_m * record.camera.height_m / camera.height_m
-    if low_m <= vehicle.lane_width_m <= high_m and low_m <= seen_m <= high_m:
+    seen_m = round(vehicle.lane_width_m * record.camera.height_m / camera.height_m, 2)
+    if low_m <= seen_m <= high_m:
         return ""
     return (
-        f"{weights.name} was trained on lanes of {low_m:g} to {high_m:g} m seen from {record.camera.height_m:g} m;"
-        f" lanes of {vehicle.lane_width_m:g} m seen from {camera.height_m:g} m look like {seen_m:.1f} m there"
+        f"lanes of {vehicle.lane_width_m:g} m seen from {camera.height_m:g} m look like {seen_m:g} m from"
+        f" {record.camera.height_m:g} m, where {weights.name} was trained on {low_m:g} to {high_m:g} m"
     )
 
 

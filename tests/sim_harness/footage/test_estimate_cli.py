@@ -161,7 +161,7 @@ def test_a_camera_that_the_network_is_not_made_for_gives_no_estimate_and_the_rea
     assert [(row["estimator"], row["confidence"], row["lateral_offset_m"]) for row in rows] == 2 * [
         ("cnn", 0, None)
     ]
-    assert all("was trained on lanes of" in row["reason"] for row in rows)
+    assert all("look like 7.97 m from 1.45 m" in row["reason"] for row in rows)
 
 
 def test_unreadable_images_of_a_folder_are_named_and_left_out(folder, capsys):
