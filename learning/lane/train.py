@@ -164,4 +164,5 @@ def _calibrate(
     found = predict(network, seen.images, task)
     error_rad = task.road_wheel_angle(found.lanes) - task.road_wheel_angle(seen.lanes)
     tolerance_rad = float(np.deg2rad(recipe.tolerance_deg))
-    return task, calibrate(found.sigma_rad, error_rad, tolerance_rad=tolerance_rad)
+    calibration = calibrate(found.sigma_rad, error_rad, tolerance_rad=tolerance_rad)
+    return task, calibration.model_copy(update={"wheelbase_m": wheelbase_m})

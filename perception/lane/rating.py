@@ -1,9 +1,9 @@
 """Score and probability of a fitted lane.
 
-The score, 0..1, is a product of factors and ranks the candidates of one frame. The probability that the road-wheel
-angle of the lane is within two degrees of the right one is a logistic regression (Platt 1999) on the same factors
-and on conditions under which lanes are wrong more often. Settings named ``…_score`` are limits of the score,
-settings named ``…_probability`` limits of the probability.
+The score, 0..1, is a product of factors and ranks the candidates of one frame. The probability that the path of the
+lane is right, its curvature within tan 2°/1.75 m (two degrees of the wheels of the default car), is a logistic
+regression (Platt 1999) on the same factors and on conditions under which lanes are wrong more often. Settings named
+``…_score`` are limits of the score, settings named ``…_probability`` limits of the probability.
 """
 
 import math

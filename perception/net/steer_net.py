@@ -3,7 +3,8 @@
 Layers as in Bojarski et al., End to End Learning for Self-Driving Cars (2016). The outputs are the lane
 state, so that vehicle, look-ahead and camera can change without training, and its standard deviation (Kendall
 and Gal, What Uncertainties Do We Need, NIPS 2017). Confidence is the probability, calibrated on roads outside
-the training set, that the error of the road-wheel angle is below ``tolerance_rad``.
+the training set, that the error of κ_cmd is below that of ``tolerance_rad`` at the wheels of the car of the
+calibration: a matter of the path, not of the wheelbase of the car that drives.
 """
 
 import math
@@ -53,9 +54,13 @@ class SteerNetSettings(Settings):
 
 
 class Calibration(Settings):
-    """P(|road-wheel angle error| < tolerance) = 1/(1 + exp(−(bias + slope·ln(tolerance/σ)))): Platt scaling."""
+    """P(|road-wheel angle error| < tolerance) = 1/(1 + exp(−(bias + slope·ln(tolerance/σ)))): Platt scaling.
+
+    The angle is that of a car of ``wheelbase_m``. A record without it is that of the default car.
+    """
 
     tolerance_rad: Annotated[float, Field(gt=0)]
+    wheelbase_m: Positive = 1.75  # config/vehicle.yaml
     bias: float
     slope: Annotated[float, Field(gt=0)]
 
@@ -212,9 +217,12 @@ class SteerNet:
         return confidence, ""
 
     def _probability(self, command_sigma_1pm: float) -> float:
-        """Calibrated probability for δ = atan(L·κ_cmd), with σ_δ ≈ L·σ_κ (its largest value, straight ahead)."""
-        sigma_rad = self._vehicle.wheelbase_m * command_sigma_1pm / self._view.scale
-        return self._record.calibration.probability(sigma_rad)
+        """Calibrated probability for δ = atan(L·κ_cmd), with σ_δ ≈ L·σ_κ (its largest value, straight ahead).
+
+        L is that of the calibration, not of this car: on a longer one the same path needs a greater angle.
+        """
+        calibration = self._record.calibration
+        return calibration.probability(calibration.wheelbase_m * command_sigma_1pm / self._view.scale)
 
     def _lane_estimate(
         self, frame: Frame, lane: Lane, confidence: float, command_sigma_1pm: float

@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +156,26 @@ def test_a_lane_that_is_too_narrow_for_the_car_is_none_unless_the_camera_is_assu
     assert step(SteerNet(SETTINGS, low, VEHICLE, assumed=True), image).confidence > 0.1
     refused = step(SteerNet(SETTINGS, low, VEHICLE), image)
     assert set(measurements(refused)) == {None} and "m wide" in refused.reason
+
+
+@pytest.mark.parametrize("wheelbase_m", [VEHICLE.wheelbase_m / 2, 2 * VEHICLE.wheelbase_m])
+def test_a_car_of_any_wheelbase_is_as_sure_of_the_same_lane(net: SteerNet, wheelbase_m: float):
+    road = load_road("circuit")
+    image = Renderer(road, CAMERA, seed=0).render(
+        *road.position(30.0, 0.3), road.heading_at(30.0), t_s=0.0, station_m=30.0
+    )
+    other = SteerNet(SETTINGS, CAMERA, VEHICLE.model_copy(update=dict(wheelbase_m=wheelbase_m)))
+    usual, seen = step(net, image), step(other, image)
+    assert replace(seen, road_wheel_angle_rad=None) == replace(usual, road_wheel_angle_rad=None)
+    assert math.tan(seen.road_wheel_angle_rad) / wheelbase_m == pytest.approx(
+        math.tan(usual.road_wheel_angle_rad) / VEHICLE.wheelbase_m
+    )
+
+
+def test_the_confidence_of_the_default_car_is_that_of_two_degrees_of_its_wheels():
+    calibration = load_record(WEIGHTS, SteerNetRecord).calibration
+    assert calibration.wheelbase_m == VEHICLE.wheelbase_m
+    assert calibration.tolerance_rad == pytest.approx(math.radians(2.0))
 
 
 def test_through_another_camera_it_is_the_network_of_that_camera():
