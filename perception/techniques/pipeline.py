@@ -27,6 +27,7 @@ from perception.techniques.image.picture import (
     Region,
     camera_view,
     move_boundaries,
+    sight_share,
 )
 from perception.techniques.recipe import PipelineRecipe, Stage
 from perception.techniques.steering.lane import pursuit
@@ -37,14 +38,17 @@ from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
 from trepid.types import Array, Image, Mask
 
 RESIDUAL_M = 0.15  # scatter of the evidence that halves the score: the width of a line
+INSIDE_M = 8.0  # of a camera at its usual height
 ASIDE_M = 0.5  # σ of the distance by which the path leads out of the lane
 ONE_SIDE = 0.6  # score of a lane with one boundary
 ON_M, WIDE_M, CLEAR_TO_M = 0.3, 3.0, 20.0  # half width of a boundary; of the search area; its reach
 MURKY, CLEAR = 0.45, 0.85  # shares of the features on the boundaries; white noise reaches 0.2 to 0.3
 
 
-def lane_score(boundaries: Boundaries, measured: MeasuredLane, recipe: PipelineRecipe) -> float:
-    """0..1: support × small residual × plausible width × a lane that contains the vehicle, now and ahead."""
+def lane_score(
+    boundaries: Boundaries, measured: MeasuredLane, recipe: PipelineRecipe, inside_m: float
+) -> float:
+    """0..1: support × small residual × plausible width × a lane with the vehicle inside, up to ``inside_m``."""
     sides = [side for side, _ in boundaries.signed_sides]
     support = math.prod(side.support for side in sides) ** (1 / len(sides))
     residual = max(side.residual_m for side in sides)
@@ -53,7 +57,7 @@ def lane_score(boundaries: Boundaries, measured: MeasuredLane, recipe: PipelineR
         plausible = ONE_SIDE
     else:
         plausible = math.exp(-0.5 * ((measured.width_m - recipe.width_m) / recipe.width_sigma_m) ** 2)
-    farther_m = max(abs(measured.lane.offset_m), abs(measured.lane.y_m(recipe.inside_m)))
+    farther_m = max(abs(measured.lane.offset_m), abs(measured.lane.y_m(inside_m)))
     inside = math.exp(-0.5 * (max(0.0, farther_m - recipe.width_m / 2) / ASIDE_M) ** 2)
     return min(1.0, support) * fits * plausible * inside
 
@@ -93,6 +97,8 @@ class Pipeline:
     def __init__(self, recipe: PipelineRecipe, camera: Camera, vehicle: Vehicle) -> None:
         self._recipe, self._camera, self._vehicle = recipe, camera, vehicle
         self._view = _working_view(camera)
+        inside_m = recipe.inside_m
+        self._inside_m = INSIDE_M * sight_share(camera) if inside_m is None else inside_m
         self._before = [(stage.kind, stage.bind()) for stage in recipe.of("prepare", "warp", "region")]
         self._features = _bind_stages(recipe.of("features"))
         self._outliers = _bind_stages(recipe.of("outliers"))
@@ -125,7 +131,9 @@ class Pipeline:
         self._last, self._last_t_s = (boundaries if boundaries.side_count else None), frame.t_s
         measured: MeasuredLane | None = self._state(boundaries, view)
         if measured is not None:
-            self._score = self._recipe.trust * clear * lane_score(boundaries, measured, self._recipe)
+            self._score = (
+                self._recipe.trust * clear * lane_score(boundaries, measured, self._recipe, self._inside_m)
+            )
         if self._rule is not None:
             return self._angle_estimate(frame.t_s, boundaries, self._rule(boundaries, view, motion.dt_s))
         return self._lane_estimate(frame.t_s, boundaries, measured)

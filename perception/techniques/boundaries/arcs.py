@@ -36,10 +36,18 @@ from perception.techniques.boundaries.evidence import (
     support,
 )
 from perception.techniques.boundaries.ransac import VOTERS, Tries, draw_samples
-from perception.techniques.image.picture import Boundaries, Boundary, Evidence, GroundView, MeasuredLane
+from perception.techniques.image.picture import (
+    Boundaries,
+    Boundary,
+    Evidence,
+    GroundView,
+    MeasuredLane,
+    sight_share,
+)
 from trepid.clothoid import Lane
 from trepid.types import Array, Mask, Positive
 
+REACH_M, BEND_1PM = 25.0, 0.02  # of a camera at its usual height
 STEPS = 6
 SPREAD_M = 0.1  # σ of a point
 PRIOR_SIGMA = np.array([0.4, 0.06, 1.0, 0.2, 0.3])  # of (e, ψ, κ, κ', W); κ and κ' times bend_1pm
@@ -56,16 +64,20 @@ def arcs(
     evidence: Evidence,
     *,
     width_m: Positive = 3.4,
-    reach_m: Positive = 25.0,
+    reach_m: Positive | None = None,
     inlier_m: Positive = 0.15,
-    bend_1pm: Positive = 0.02,
+    bend_1pm: Positive | None = None,
     tries: Tries = 120,
 ) -> Boundaries:
     """The boundaries of the clothoid lane with most points within ``inlier_m``, up to ``reach_m`` ahead.
 
-    ``bend_1pm``: σ of the curvature of its roads.
+    ``bend_1pm``: σ of the curvature of its roads. By default the camera decides: it sees as far as its height lets
+    it (REACH_M), and there a bend leads as far aside as one of BEND_1PM at REACH_M, by κ·x²/2.
     The lane of the last frame is one more candidate. Source: derived. Limit: S-bends within the reach.
     """
+    share = sight_share(evidence.view.camera)
+    reach_m = REACH_M * share if reach_m is None else reach_m
+    bend_1pm = BEND_1PM / share**2 if bend_1pm is None else bend_1pm
     points = road_points(evidence)
     points = points.where(points.x_m < reach_m)
     lanes = _candidates(points, width_m, tries, evidence.rng)

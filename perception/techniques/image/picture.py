@@ -111,6 +111,17 @@ class GroundView:
         return replace(self, width_px=width_px, height_px=height_px, pixel_from_ground=matrix, seen=seen)
 
 
+USUAL_HEIGHT_M = 1.45  # of the camera for which the lengths ahead are chosen: config/camera.yaml
+
+
+def sight_share(camera: Camera) -> float:
+    """How far ``camera`` sees the road as well as one at USUAL_HEIGHT_M does, as a share of that; at most 1.
+
+    At an angle α below the horizon it sees the road at the distance h/tan α.
+    """
+    return min(1.0, camera.height_m / USUAL_HEIGHT_M)
+
+
 def camera_view(camera: Camera) -> GroundView:
     """The view of a whole, undistorted camera image."""
     return GroundView(camera, camera.width_px, camera.height_px, camera.pixel_from_road_matrix)

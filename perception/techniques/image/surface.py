@@ -9,7 +9,7 @@ from pydantic import Field
 
 from perception.lane.detection.surface import SurfaceSettings, road_likelihood, surface_bins
 from perception.techniques.image.colour import grey
-from perception.techniques.image.picture import FeatureKind, Features, GroundView
+from perception.techniques.image.picture import FeatureKind, Features, GroundView, sight_share
 from trepid.types import Floats, Image, Mask, Positive, Share
 
 PATCH_M = 6.0  # length of the patch, from the nearest visible road
@@ -51,14 +51,16 @@ def patch_colour(
     light_limit: Positive = 1.5,
     light_weight: Share = 0.6,
     smoothing: Positive = 20.0,
-    length_m: Positive = PATCH_M,
+    length_m: Positive | None = None,
 ) -> Features:
     """Probability of road by the colour of the patch ahead against that of the sides of the picture (B16).
+
+    ``length_m``: of the patch; PATCH_M, shorter for a low camera, by default.
 
     1/(1 + exp(−Λ)) of the log-likelihood ratio Λ of smoothed CIELAB histograms
     (:mod:`perception.lane.detection.surface`). Source: R 1.3. Limit: verges of the colour of the road.
     """
-    inside = patch(view, length_m=length_m)
+    inside = patch(view, length_m=length_m or PATCH_M * sight_share(view.camera))
     outside = np.isfinite(view.pixel_m)[:, None] & ~patch(view, half_width_m=REST_HALF_M, length_m=60.0)
     if image.ndim == 2 or not inside.any() or np.count_nonzero(outside) < REST_PX:
         return Features(np.zeros(image.shape[:2], np.float32), FeatureKind.REGION)
