@@ -10,10 +10,11 @@ import typer
 from learning.models.catalogue import model
 from learning.rendered import need_torch, say
 from learning.training.recipe import load_recipe
-from trepid.config import InputError, parse_overrides
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
 from trepid.options import Car, typed_command
 
-MPH = 0.44704
+SPEED_MPS = 5 * 0.44704  # 5 mph, that of Deep Steer, on lanes of the reference world
 
 
 def correct(
@@ -24,16 +25,24 @@ def correct(
         list[str], typer.Option("--scenario", metavar="S", help="Drive this scenario; may be repeated.")
     ],
     rounds: Annotated[int, typer.Option(min=1, max=100, help="Number of corrections.")] = 3,
-    speed: Annotated[float, typer.Option(min=0.1, max=60.0, help="Set speed of the drives [m/s].")] = 5 * MPH,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=60.0,
+            help="Set speed of the drives [m/s]; default: 2.24 on lanes of 3.3 m, by lane width.",
+        ),
+    ] = None,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Drives of each scenario.")] = 1,
     drift_m: Annotated[
-        float,
+        float | None,
         typer.Option(
             min=0.0,
             max=5.0,
-            help="Label frames in which the car is farther than this beside the lane centre [m].",
+            help="Label frames in which the car is farther than this beside the lane centre [m]; default: 0.15 on"
+            " lanes of 3.3 m, by lane width.",
         ),
-    ] = 0.15,
+    ] = None,
     drift_deg: Annotated[
         float,
         typer.Option(
@@ -83,7 +92,8 @@ def correct(
     if start is not None:
         DriverNetwork(start)
         check_start(start)
-    driven = {"speed_mps": str(speed)}
+    scale = load(CONFIG_DIR / "vehicle.yaml", Vehicle).scale
+    driven = {"speed_mps": str(SPEED_MPS * scale if speed is None else speed)}
     check_configuration(load_scenario(one, driven) for one in scenarios)
     plan = Plan(
         data=Dataset.open(data),
@@ -93,7 +103,7 @@ def correct(
         changes=driven,
         seeds=tuple(range(seeds)),
         rounds=rounds,
-        drift=Drift(drift_m, math.radians(drift_deg)),
+        drift=Drift(Drift().offset_m * scale if drift_m is None else drift_m, math.radians(drift_deg)),
         out=out,
         start=start,
         command=typed_command(),

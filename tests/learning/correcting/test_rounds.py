@@ -23,7 +23,7 @@ from learning.training.start import checkpoints_of
 from sim_harness.lockstep.closed_loop import run as drive
 from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
-from trepid.config import CAR, InputError
+from trepid.config import CAR, CONFIG_DIR, InputError
 
 pytestmark = pytest.mark.long
 Row = dict[str, Any]
@@ -216,6 +216,22 @@ def test_nothing_is_trained_where_the_given_network_drifts_nowhere(
     rows, plan = make_correction(workshop, start=start, drift=Drift(9.0, 1.5))
     assert workshop.steps == ["drive round-0"] and len(rows) == 1
     assert plan.out.read_bytes() == (recorded_drive.parent / "ahead.onnx").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("car", "scenario", "scale"), [("mini", "tight_white", 0.22 / 3.3), ("", "circuit", 1.0)]
+)
+def test_a_small_car_drifts_by_the_width_of_its_lanes(
+    base: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, car: str, scenario: str, scale: float
+) -> None:
+    plans: list[Plan] = []
+    monkeypatch.setattr(rounds, "correct", lambda plan, *_, **__: plans.append(plan) or [])
+    monkeypatch.setenv(CAR, str(CONFIG_DIR / "cars" / car) if car else "")
+    words = ["--data", str(base.folder), "--model", "steer", "--out", str(tmp_path / "net.onnx")]
+    assert run("correct", *words, "--scenario", scenario) == 0
+    (plan,) = plans
+    assert plan.drift.offset_m == pytest.approx(0.15 * scale) and plan.drift.angle_rad == Drift().angle_rad
+    assert float(plan.changes["speed_mps"]) == pytest.approx(2.2352 * scale)
 
 
 @pytest.mark.processes  # both cores for long
