@@ -1,11 +1,14 @@
 """The process of an estimator."""
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from drawn_road_rig import road
+from segment_rig import write_network_of_car
 
 from perception.node import EstimatorNode
 from trepid.clock import UNSTAMPED
@@ -28,10 +31,12 @@ class Frames:
         return self.next
 
 
-def running(*, statistics: bool = False) -> tuple[EstimatorNode, Frames, list[tuple[str, Any]]]:
-    """A node of cv, its images, and the keys and messages that it publishes."""
+def running(
+    estimator: str = "cv", *, statistics: bool = False
+) -> tuple[EstimatorNode, Frames, list[tuple[str, Any]]]:
+    """A node of ``estimator``, its images, and the keys and messages that it publishes."""
     sent: list[tuple[str, Any]] = []
-    known = {IMAGE_STATISTICS.key, estimate_topic("cv").key}
+    known = {IMAGE_STATISTICS.key, estimate_topic(estimator).key}
     frames = Frames()
     state = SimpleNamespace(message=None, stamp=UNSTAMPED, broken=False, refresh=lambda: None)
 
@@ -39,11 +44,11 @@ def running(*, statistics: bool = False) -> tuple[EstimatorNode, Frames, list[tu
         return lambda message: sent.append((topic.key, message)) if topic.key in known else None
 
     me: Any = SimpleNamespace(
-        name="cv",
+        name=estimator,
         bus=SimpleNamespace(
             latest=lambda topic, wakes=True: frames if topic is CAMERA_IMAGE else state, publisher=publisher
         ),
-        options={"estimator": "cv", "statistics": statistics},
+        options={"estimator": estimator, "statistics": statistics},
         now_s=lambda: 5.01,
         ready=lambda: None,
         count_step=lambda: None,
@@ -84,3 +89,19 @@ def test_the_estimate_that_makes_the_supervisor_decide_does_not_wait_for_the_sta
     node.turn()
     after = [(IMAGE_STATISTICS.key, 5.0)] if statistics else []
     assert [(key, message.t_s) for key, message in sent] == [(estimate_topic("cv").key, 5.0), *after]
+
+
+def test_the_process_of_segments_publishes_its_lane_and_reports_a_broken_frame_as_others_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_network_of_car(tmp_path)
+    monkeypatch.setenv("TREPID_CAR", str(tmp_path))
+    node, frames, sent = running("segments")
+    frames.next = Frame(t_s=5.0, image=road((0.2, 0.0, 0.0, 0.0)))
+    node.turn()
+    frames.broken, frames.next = True, None
+    node.turn()
+    (key, lane), (_, broken) = sent
+    assert key == estimate_topic("segments").key and lane.latency_ms > 0
+    assert lane.lateral_offset_m == pytest.approx(0.2, abs=0.1) and lane.confidence > 0.5
+    assert broken.estimator == "segments" and math.isnan(broken.confidence)

@@ -52,3 +52,14 @@ def write_network(path: Path, *, bias: float = 0.0) -> Path:
 def segmenter(folder: Path, **changes: object) -> Segmenter:
     """The network in ``folder``, described with the given changes."""
     return Segmenter(write_network(folder / "colours.onnx"), about(**changes))
+
+
+def write_network_of_car(car: Path) -> None:
+    """The network in the folder ``car``, with its description, as the one that the car chooses."""
+    (car / "networks").mkdir(parents=True)
+    write_network(car / "colours.onnx")
+    (car / "networks" / "mine.yaml").write_text(
+        "description: mine\nsource: me\nlicence: MIT\ninput: {name: x, width: 320, height: 192}\n"
+        "lines: {output: lines, channels: [1]}\narea: {output: area, channels: [1]}\n"
+    )
+    (car / "segments.yaml").write_text("network: mine\nfile: colours.onnx\n")

@@ -2,16 +2,18 @@
 
 import json
 import os
+import re
 import socket
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from driving_network_rig import write_network
+from segment_rig import write_network_of_car
 
 from cockpit.car import checks, devices, machine
 from cockpit.car import cli as doctor_cli
@@ -95,6 +97,40 @@ def test_a_missing_network_of_a_process_is_found(car: Path) -> None:
     assert not found.ok and "turn.onnx" in found.message
     write_network(car / "turn.onnx")
     assert "mine starts (turn.onnx)" in checks.models().message
+
+
+def garble_description(car: Path) -> None:
+    edit(car / "networks" / "mine.yaml", "licence:", "lisence:")
+
+
+def cut_network(car: Path) -> None:
+    content = (car / "colours.onnx").read_bytes()
+    (car / "colours.onnx").write_bytes(content[: len(content) // 2])
+
+
+def rename_output(car: Path) -> None:
+    edit(car / "networks" / "mine.yaml", "output: area", "output: road")
+
+
+@pytest.mark.parametrize(
+    ("damage", "fault"),
+    [
+        (garble_description, r".*/networks/mine\.yaml:3:1: .*lisence.*did you mean 'licence'"),
+        (cut_network, r".*/colours\.onnx: not an ONNX network, or cut off"),
+        (rename_output, r".*/colours\.onnx: has no output 'road'; it has lines, area"),
+        (lambda car: (car / "colours.onnx").unlink(), r".*/colours\.onnx: no such file"),
+    ],
+)
+def test_a_damaged_network_of_segments_or_its_description_is_found_in_one_line(
+    car: Path, damage: Callable[[Path], None], fault: str
+) -> None:
+    write_network_of_car(car)
+    entry = "{module: perception.node, options: {estimator: segments}}"
+    (car / "processes.yaml").write_text(f"processes: {{segments: {entry}}}\n")
+    assert "segments starts" in checks.models().message
+    damage(car)
+    found = checks.models()
+    assert not found.ok and re.match(fault, found.message) and "\n" not in found.message
 
 
 def test_damaged_weights_are_found(car: Path) -> None:

@@ -1,6 +1,7 @@
 import cv2
 import numpy as np
 import pytest
+from drawn_road_rig import CAMERA, road
 
 from perception.camera.image_statistics import ImageStatistician
 from trepid.messages import Frame, ImageStatistics
@@ -122,6 +123,35 @@ def test_kerbs_that_run_to_the_horizon_are_no_dirt_under_standing_houses(side):
     assert max(drive_past(spots=far | (kerbs > 0), frames=14)) == 0.0
     dirt = blots(slice(None)) & (np.arange(320) < 160)
     assert min(drive_past(spots=dirt | (kerbs > 0), frames=14)[9:]) > 0.3
+
+
+def image_at_bridge(ahead_m: float, *, shade: float, girders: bool, seed: int) -> np.ndarray:
+    """A road in the shadow of a bridge 8 m wide, its deck above and its pillars aside, ``ahead_m`` away.
+
+    Light falls between the ``girders``, in stripes along the road.
+    """
+    image = road((0.1, 0.0, 0.0, 0.0), dashed=True, seed=seed).astype(np.float32)
+    horizon, at_1_m = CAMERA.horizon_row_px, CAMERA.fy_px * CAMERA.height_m
+    top, bottom = (int(min(horizon + at_1_m / max(away_m, 0.5), 240)) for away_m in (ahead_m + 8, ahead_m))
+    lit = np.arange(320) // 20 % 2 == 0 if girders else np.zeros(320, bool)
+    image[top:bottom, ~lit] *= shade
+    px_per_m = CAMERA.fy_px / max(ahead_m, 2.0)
+    above, below = (max(int(horizon - height_m * px_per_m), 0) for height_m in (6.0, 4.5))
+    image[above:below] = 40
+    for left_m in (-9.0, -3.5, 5.0, 9.0):
+        column = int(CAMERA.cx_px - left_m * px_per_m)
+        image[below:bottom, max(column - 2, 0) : max(column + 2, 0)] = 45
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("girders", [False, True])
+@pytest.mark.parametrize("shade", [0.15, 0.5])
+def test_the_shadow_of_a_bridge_over_the_road_is_no_dirt(shade: float, girders: bool) -> None:
+    statistician = ImageStatistician(CAMERA.horizon_row_px / CAMERA.height_px)
+    for number, ahead_m in enumerate(np.arange(12.0, -2.0, -0.4)):  # at 10 m/s
+        image = image_at_bridge(float(ahead_m), shade=shade, girders=girders, seed=number)
+        t_s = 0.04 * number
+        assert statistician.step(Frame(t_s=t_s, image=image), now_s=t_s).spots == 0.0
 
 
 def test_noise_with_coinciding_dark_spots_is_no_dirt():

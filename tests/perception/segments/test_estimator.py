@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, WHITE, road
-from segment_rig import segmenter, write_network
+from segment_rig import segmenter, write_network_of_car
 
 from perception.estimators import entry_of, lane_cv_settings
 from perception.lane.lane_cv import LaneCv
 from perception.lane.street.pairs import boundaries, pairs
 from perception.lane.street.profile import Profile, StreetCourse
 from perception.segments.estimator import Segments
+from perception.segments.network import Masks
 from perception.segments.settings import lane_settings, network_description, network_file, segment_settings
 from perception.segments.unknown_camera import LaneOfPictures
 from trepid.config import InputError
@@ -146,6 +147,35 @@ def test_masks_that_are_not_finite_are_no_lane_and_end_with_the_frame(broken: st
         assert seen.lateral_offset_m == pytest.approx(0.2, abs=0.1)
 
 
+@pytest.mark.parametrize("road_below", [0.0, 1.0])
+@pytest.mark.parametrize("known", [True, False])
+def test_a_bonnet_over_the_lowest_rows_of_the_masks_is_not_counted_as_road(
+    known: bool, road_below: float, tmp_path: Path
+) -> None:
+    own, camera = segment_settings(), CAMERA.model_copy(update={"height_m": 1.4, "pitch_down_rad": 0.02})
+    network, image = segmenter(tmp_path), road((0.1, 0.0, 0.0, 0.0), camera=camera)
+
+    def masks_under_bonnet(image: np.ndarray) -> Masks:
+        masks = network(image)
+        top = round(0.8 * len(masks.lines))
+        for mask, value in zip(masks, (0.0, road_below), strict=True):
+            mask[top:] = value
+        return masks
+
+    seen = []
+    for masks_of in (network, masks_under_bonnet):
+        finder = (
+            LaneCv(SETTINGS.model_copy(update={"confidence": own.confidence}), camera, VEHICLE, guarded=True)
+            if known
+            else LaneOfPictures(lane_settings(SETTINGS, own), VEHICLE)
+        )
+        seen.append(look(Segments(masks_of, finder, lookahead_m=LOOKAHEAD_M), image, frames=4))
+    bare, under = seen
+    assert under.confidence > 0.85 * bare.confidence > 0.7
+    assert under.lateral_offset_m == pytest.approx(bare.lateral_offset_m, abs=0.05)
+    assert under.heading_error_rad == pytest.approx(bare.heading_error_rad, abs=0.01)
+
+
 def test_a_network_that_was_not_fetched_is_named_with_the_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -160,13 +190,7 @@ def test_an_unknown_network_is_named_with_the_nearest_one() -> None:
 
 
 def test_a_car_brings_a_network_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "networks").mkdir()
-    write_network(tmp_path / "colours.onnx")
-    (tmp_path / "networks" / "mine.yaml").write_text(
-        "description: mine\nsource: me\nlicence: MIT\ninput: {name: x, width: 320, height: 192}\n"
-        "lines: {output: lines, channels: [1]}\narea: {output: area, channels: [1]}\n"
-    )
-    (tmp_path / "segments.yaml").write_text("network: mine\nfile: colours.onnx\n")
+    write_network_of_car(tmp_path)
     monkeypatch.setenv("TREPID_CAR", str(tmp_path))
     own = entry_of("segments").build(CAMERA, VEHICLE)
     seen = own.step(Frame(t_s=0.0, image=road((0.2, 0.0, 0.0, 0.0))), None, now_s=0.0)
