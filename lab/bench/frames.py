@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import islice
 from typing import Any
 
 import cv2
@@ -9,6 +11,8 @@ import numpy as np
 
 from lab.bench.commits.paired import against_commit
 from perception.estimators import ESTIMATORS, build
+from perception.net.session import open_session
+from perception.segments.settings import network_description, network_file, segment_settings
 from perception.sight.judge import build as build_judge
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.ground.ground import Ground
@@ -16,20 +20,22 @@ from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.view import ShutterMotion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from trepid.car.camera import Camera
-from trepid.config import CONFIG_DIR, load
+from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
-from trepid.types import Image
+from trepid.types import Array, Image
 
 SPEED_MPS = 8.0
 FRAME_PERIOD_S = 0.04
 BENCH_FRAMES = 40
 UNMARKED = "unmarked"  # name of the section of the circuit without paint
+SEGMENTS, BARE = "segments", "segments, bare session"
+SEGMENT_FRAMES, SEGMENT_RATE_HZ = 100, 15
 
 
 def bench_estimators() -> dict[str, Any]:
     """Time per 320×240 frame of every estimator and of the judge of the image, one thread, and of the plain chain.
 
-    The frames of the unmarked section of the lap have a row of their own, too.
+    The frames of the unmarked section of the lap have a row of their own, too; `segments` is beside its network.
     """
     cv2.setNumThreads(1)
     estimators = {name: build(name) for name in ESTIMATORS}
@@ -52,6 +58,45 @@ def bench_estimators() -> dict[str, Any]:
     return {
         name: {**summary_ms(times), "ratio_to_bare_chain": round(float(np.median(times)) / peer_s, 2)}
         for name, times in times_s.items()
+    } | bench_segments()
+
+
+def bench_segments(frames: int = SEGMENT_FRAMES) -> dict[str, Any]:
+    """Times of `segments` on the first frames of the lap, and of the bare session of its network on the same.
+
+    Both take turns, and the first of a frame alternates. The ratio and the share of a core are those of processor
+    times, in which other programs count least. Without the network a row says so. Raises InputError.
+    """
+    settings = segment_settings()
+    try:
+        path = network_file(settings)
+    except InputError as error:
+        return {SEGMENTS: {"not_measured": str(error)}}
+    taken = network_description(settings.network).input
+    session, estimator = open_session(path), build(SEGMENTS)
+    times_s: dict[str, list[tuple[float, float]]] = {SEGMENTS: [], BARE: []}  # on the clock, of the processor
+    for number, (frame, state, *_) in enumerate(islice(lap(), frames)):
+        pixels = cv2.dnn.blobFromImage(frame.image, 1 / 255, (taken.width, taken.height))
+        calls: list[tuple[str, Callable[[], object]]] = [
+            (SEGMENTS, partial(estimator.step, frame, state, now_s=frame.t_s)),
+            (BARE, partial(session.run, None, {taken.name: pixels})),
+        ]
+        for name, call in calls[:: -1 if number % 2 else 1]:
+            began_s, used_s = time.perf_counter(), time.process_time()
+            call()
+            times_s[name].append((time.perf_counter() - began_s, time.process_time() - used_s))
+    bare_s = np.median(times_s[BARE], axis=0)[1]
+    return {name: _beside_session(np.array(times), float(bare_s)) for name, times in times_s.items()}
+
+
+def _beside_session(times_s: Array, bare_s: float) -> dict[str, float]:
+    """The row of ``times_s``, on the clock and of the processor, beside the bare session's processor time."""
+    on_clock_s, used_s = times_s.T
+    return {
+        **summary_ms(list(on_clock_s)),
+        "processor_ms": round(1e3 * float(np.median(used_s)), 3),
+        "ratio_to_session": round(float(np.median(used_s)) / bare_s, 2),
+        f"core_share_at_{SEGMENT_RATE_HZ}_hz": round(float(np.mean(used_s)) * SEGMENT_RATE_HZ, 3),
     }
 
 
