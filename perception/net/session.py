@@ -102,15 +102,12 @@ def open_session(path: Path) -> InferenceSession:
 def session_of(network: bytes | Path) -> InferenceSession:
     """A deterministic session on one thread for a file or for the bytes of a network without further files.
 
-    Denormal numbers count as zero: decay leaves them in dead channels of trained networks, and many processors
-    compute several times as slowly with them. The first session of a process decides that for the arithmetic of its
-    thread and of later ones, so that every session states it. Raises what ONNX Runtime raises.
+    Raises what ONNX Runtime raises.
     """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
     options.use_deterministic_compute = True
-    options.add_session_config_entry("session.set_denormal_as_zero", "1")
     options.log_severity_level = 3  # errors; warnings about the graph are no concern of the user
     source = str(network) if isinstance(network, Path) else network
     return onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
