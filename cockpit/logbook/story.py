@@ -17,6 +17,7 @@ from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, significan
 from drive.reason import fired_rules
 from supervisor.rules.inference import FearRules, Values
 from supervisor.rules.rule_file import LEVELS
+from supervisor.situation.added import CONFIDENCE, RATED_AS, rating_names
 from trepid.messages import Decision, Stop
 from trepid.types import Column
 
@@ -135,7 +136,7 @@ def _moment(drive: Recall, index: int) -> Story:
         "limited_by": decision.limited_by,
         "said": drive.decision_sentence(index),
         "rules": _rules(drive, decision),
-        "inputs": _inputs(drive, decision),
+        "inputs": _inputs(drive, index),
         "repeats": drive.repeats(index),
         "sight": _sight(drive, index),
         "estimates": _estimates(drive, index),
@@ -163,12 +164,12 @@ def _calm(drive: Recall, at_s: float) -> Story:
         "cruise_mps": drive.cruise_mps,
         "speed_mps": _known_or_none(drive.speed_mps[index]),
         "next_level": next_level(by, fear),
-        "raised_by": _raising_inputs(by, values) if values else None,
+        "raised_by": _raising_inputs(drive, index, by, values) if values else None,
         "timeline": _timeline(drive, at_s - BEFORE_S, index),
     }
 
 
-def _raising_inputs(by: FearRules, values: Values) -> list[Story]:
+def _raising_inputs(drive: Recall, index: int, by: FearRules, values: Values) -> list[Story]:
     """The inputs that alone would raise fear, with their value and the one from which they do."""
     return [
         {
@@ -176,6 +177,7 @@ def _raising_inputs(by: FearRules, values: Values) -> list[Story]:
             "value": _known_or_none(values[name]),
             "from": worse,
             **_fields(by.inputs[name], "unit", "meaning"),
+            "of": _measured_by(drive, index, by, name, values[name]),
             "cause": cause,
         }
         for name, worse, cause in raising(by, values)
@@ -251,8 +253,25 @@ def _rules(drive: Recall, decision: Decision) -> list[Story]:
     return sorted(rules, key=lambda rule: -rule["adds"])
 
 
-def _inputs(drive: Recall, decision: Decision) -> list[Story]:
+def _measured_by(drive: Recall, index: int, by: FearRules, name: str, value: float | None) -> list[str]:
+    """The estimators whose confidence the input ``name`` has; [] for another input.
+
+    Several share the rules of one name, and the input has the confidence of the surest.
+    """
+    if value is None or not name.endswith(CONFIDENCE):
+        return []
+    seen = drive.estimates_at(index)
+    rated = rating_names({one: estimate.kind for one, estimate in seen.items()}, by, RATED_AS)
+    return [
+        one
+        for one, estimate in seen.items()
+        if rated[one] + CONFIDENCE == name and math.isclose(estimate.confidence, value, abs_tol=1e-9)
+    ]
+
+
+def _inputs(drive: Recall, index: int) -> list[Story]:
     """The inputs of those rules and the missing inputs: value, unit, and degrees of their sets."""
+    decision = drive.decisions[index]
     values = dict(zip(decision.inputs, decision.input_values, strict=True))
     if not values:
         return []  # older recordings do not contain the inputs
@@ -266,6 +285,7 @@ def _inputs(drive: Recall, decision: Decision) -> list[Story]:
             "name": name,
             "value": _known_or_none(values.get(name)),
             **_fields(by.inputs[name], "unit", "meaning"),
+            "of": _measured_by(drive, index, by, name, values.get(name)),
             "sets": {level: degree for level, degree in degrees[name].items() if degree > 0},
         }
         for name in dict.fromkeys(named)
@@ -342,7 +362,7 @@ def _end(drive: Recall, slow: SlowDown, worst: int) -> Story:
                 "was": item["value"],
                 "is": _known_or_none(now.get(item["name"])),
             }
-            for item in _inputs(drive, drive.decisions[worst])
+            for item in _inputs(drive, worst)
             if item["value"] != _known_or_none(now.get(item["name"]))
         ],
     }

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from cockpit.logbook.story import Story
+from supervisor.situation.added import CONFIDENCE
 from trepid.car.vehicle import ALONG_THE_MIDDLE, Corridor
 from trepid.causes import concerning, in_words, line_words
 from trepid.recording.reader import RecordingContent
@@ -130,7 +131,7 @@ def _rise(story: Story) -> Iterator[str]:
         yield f"\nFear would rise to {level} or above by one of these inputs alone, the nearest first:"
         for one in raised_by[:SHOWN_RISES]:
             was, to = _value(one["value"], one["unit"]), _value(one["from"], one["unit"])
-            yield f"  {one['name']} {was} -> {to} (cause {one['cause']}).  {one['meaning']}"
+            yield f"  {_own_name(one)} {was} -> {to} (cause {one['cause']}).  {one['meaning']}"
         if len(raised_by) > SHOWN_RISES:
             yield f"  and {len(raised_by) - SHOWN_RISES} more"
 
@@ -199,7 +200,14 @@ def _reason(story: Story) -> str:
 def _input(item: Story) -> str:
     sets = ", ".join(f"{level} {degree:.2f}" for level, degree in item["sets"].items())
     value = _value(item["value"], item["unit"])
-    return f"  {item['name']} = {value}: {sets}.  {item['meaning']}"
+    return f"  {_own_name(item)} = {value}: {sets}.  {item['meaning']}"
+
+
+def _own_name(item: Story) -> str:
+    """The name of an input; a confidence by the estimators that state it, where rules rate them by another name."""
+    name: str = item["name"]
+    others = [f"{one}{CONFIDENCE}" for one in item["of"]]
+    return name if not others or name in others else f"{', '.join(others)} (as {name})"
 
 
 def _estimates(story: Story) -> Iterator[str]:

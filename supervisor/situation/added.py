@@ -125,15 +125,13 @@ RATED_AS: Mapping[str, str] = {EstimateKind.LANE.value: "cv", EstimateKind.ANGLE
 
 
 def rating_names(
-    estimates: Iterable[ValidatedEstimate], rules: FearRules, rated_as: Mapping[str, str]
+    kinds: Mapping[str, EstimateKind], rules: FearRules, rated_as: Mapping[str, str]
 ) -> dict[str, str]:
-    """The name in ``rules`` that rates each estimator."""
+    """The name in ``rules`` that rates each estimator, by its name and kind."""
     named = _named_estimators(rules.names, rules.file.estimators)
     return {
-        e.estimator: e.estimator
-        if e.estimator in named
-        else rated_as.get(e.estimator) or rated_as.get(e.kind, e.estimator)
-        for e in estimates
+        name: name if name in named else rated_as.get(name) or rated_as.get(kind, name)
+        for name, kind in kinds.items()
     }
 
 

@@ -133,7 +133,8 @@ class WorldStateObserver:
         frozen = self._unusable(fresh, moving)
         seen = self._validate(estimates, now_s=now_s, frozen=frozen, malformed=malformed)
         state_age_s = limits.age_s(state, now_s=now_s)
-        rated, steadiness = rating_names(seen, rules, self._rated_as), self._consistency.step(seen, moving)
+        rated = rating_names({e.estimator: e.kind for e in seen}, rules, self._rated_as)
+        steadiness = self._consistency.step(seen, moving)
         early = early_features(
             seen,
             fresh,

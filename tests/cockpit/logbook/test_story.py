@@ -205,3 +205,17 @@ def test_the_answer_says_that_the_driver_was_warned_of_a_line(calm: Recall) -> N
     assert (found["line_warning"], "warned" in story_text(found)) == ("", False)
     text = story_text(found | {"line_warning": "left", "line_crossing_s": 0.61})
     assert "The driver was warned: a wheel is about to cross the left edge of the lane, in 0.6 s." in text
+
+
+def test_a_confidence_is_named_by_the_estimator_that_states_it_and_not_by_the_one_whose_rules_rate_it(
+    tmp_path: Path,
+) -> None:
+    seen = {}
+    for names in ("[arcs, cnn]", "[cv, cnn]"):
+        changes = {"sight": "truth", "duration_s": "1", "estimators": names}
+        drive = recall(record_drive(tmp_path / f"{len(seen)}.mcap", load_scenario("straight", changes)))
+        found = story(drive, 0.9)
+        (item,) = (one for one in found["raised_by"] if one["name"] == "cv_confidence")
+        only = story_text(found | {"raised_by": [item]})
+        seen[names] = item["of"], "arcs_confidence (as cv_confidence) " in only, "  cv_confidence " in only
+    assert seen == {"[arcs, cnn]": (["arcs"], True, False), "[cv, cnn]": (["cv"], False, True)}
