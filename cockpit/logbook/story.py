@@ -177,7 +177,7 @@ def _raising_inputs(drive: Recall, index: int, by: FearRules, values: Values) ->
             "value": _known_or_none(values[name]),
             "from": worse,
             **_fields(by.inputs[name], "unit", "meaning"),
-            "of": _measured_by(drive, index, by, name, values[name]),
+            "of": _origins(drive, index, by, name, values[name]),
             "cause": cause,
         }
         for name, worse, cause in raising(by, values)
@@ -253,7 +253,7 @@ def _rules(drive: Recall, decision: Decision) -> list[Story]:
     return sorted(rules, key=lambda rule: -rule["adds"])
 
 
-def _measured_by(drive: Recall, index: int, by: FearRules, name: str, value: float | None) -> list[str]:
+def _origins(drive: Recall, index: int, by: FearRules, name: str, value: float | None) -> list[str]:
     """The estimators whose confidence the input ``name`` has; [] for another input.
 
     Several share the rules of one name, and the input has the confidence of the surest.
@@ -285,7 +285,7 @@ def _inputs(drive: Recall, index: int) -> list[Story]:
             "name": name,
             "value": _known_or_none(values.get(name)),
             **_fields(by.inputs[name], "unit", "meaning"),
-            "of": _measured_by(drive, index, by, name, values.get(name)),
+            "of": _origins(drive, index, by, name, values.get(name)),
             "sets": {level: degree for level, degree in degrees[name].items() if degree > 0},
         }
         for name in dict.fromkeys(named)
