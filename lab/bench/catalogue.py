@@ -163,7 +163,7 @@ BENCHMARKS = {
     "follow-rendered": Benchmark("follow.runs", "40 cases of following with rendered images"),
     "tracks": Benchmark(
         "perception.tracks",
-        "laps on small taped tracks: bends of 1.5 to 3 lane widths, ten tapes and floors; departures, speed",
+        "laps on tape: bends of 1.5 to 3 lane widths, ten tapes and floors, a single line; departures, speed",
     ),
     "tiles": Benchmark(
         "foreign.tiles",
