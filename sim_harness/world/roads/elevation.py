@@ -88,8 +88,7 @@ class CubicProfile:
     @property
     def records_from_start(self) -> list[Record]:
         """The pieces from station 0 to the end of the road; the first begins at 0."""
-        inner_m = [row[0] for row in self.records if 0.0 < row[0] < self._length_m]
-        return [self._record_at(start_m) for start_m in (0.0, *inner_m)]
+        return [self._record_at(0.0), *(row for row in self.records if 0.0 < row[0] < self._length_m)]
 
     def _record_at(self, station_m: float) -> Record:
         """The piece at a station, written from there on."""
