@@ -32,7 +32,7 @@ class RecipeEntry(Settings):
     trust: PositiveShare = 1.0  # greatest confidence, from the benchmark
     width_m: Positive = 3.4  # of its lanes; between lines 2.7 to 3.75 m
     width_sigma_m: Positive = 0.6
-    # Ahead of the axle: the way straight ahead to there lies in a plausible lane. Absent: 8 m, or less if low
+    # Ahead of the axle: the way straight on to there lies in a plausible lane. Absent: 8 m, less for a low camera.
     inside_m: NonNegative | None = None
     stages: Annotated[tuple[str | dict[str, dict[str, Any] | None], ...], Field(min_length=1)]
 

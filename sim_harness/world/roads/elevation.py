@@ -87,19 +87,16 @@ class CubicProfile:
 
     @property
     def records_from_start(self) -> list[Record]:
-        """The pieces from station 0 to the end of the road; the first begins at 0."""
-        return [self._record_at(0.0), *(row for row in self.records if 0.0 < row[0] < self._length_m)]
-
-    def _record_at(self, station_m: float) -> Record:
-        """The piece at a station, written from there on."""
-        run, (_, a, b, c, d) = self._piece(station_m)
-        return (
-            station_m,
+        """The pieces from station 0 to the end of the road; the first begins at 0, often within its piece."""
+        run, (_, a, b, c, d) = self._piece(0.0)
+        first = (
+            0.0,
             a + run * (b + run * (c + run * d)),
             b + run * (2 * c + 3 * d * run),
             c + 3 * d * run,
             d,
         )
+        return [first, *(row for row in self.records if 0.0 < row[0] < self._length_m)]
 
     def values_at(self, station_m: ArrayLike) -> Array:
         """The value at n stations, shape (n,)."""

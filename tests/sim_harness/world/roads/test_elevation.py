@@ -161,9 +161,7 @@ def test_the_curvature_of_a_profile_is_that_of_its_vertical_curves():
 
 
 @given(at_m=st.lists(st.floats(0.0, 390.0), min_size=1, max_size=4, unique=True), closed=st.booleans())
-@example(
-    at_m=[1.7849432965896597, 258.6775579621265], closed=True
-)  # around the road and back is 3e-14 m less
+@example(at_m=[1.7849432965896597, 258.6775579621265], closed=True)  # once around: 3e-14 m less
 @settings(max_examples=30, deadline=None)
 def test_the_pieces_from_the_start_of_a_road_give_its_heights(at_m, closed):
     assume(np.diff(sorted(at_m)).min(initial=1.0) > 0.1)
