@@ -93,12 +93,19 @@ def viewer(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def at_ease(viewer):
-    """Each test begins with the undisturbed scene on the first tab."""
-    fresh = Scene()
-    viewer.scene.__dict__.update(fresh.__dict__)
-    viewer.publisher.button.held = False
+    """Each test begins with the undisturbed scene on the first tab.
+
+    A stop of the test before can still come: each press that a frozen page process has not answered waits in its
+    socket, and a stop is repeated until a heartbeat reports it.
+    """
     viewer.js("document.getElementById('tab-drive').click()")
-    viewer.becomes("mode", "KEEP")
+
+    def eased() -> bool:
+        viewer.scene.__dict__.update(Scene().__dict__)
+        viewer.publisher.button.held = False
+        return (viewer.text("mode"), viewer.text("stop-word")) == ("KEEP", "STOP")
+
+    assert until(eased, patience_s=PATIENCE_S), viewer.text("mode")
 
 
 def test_the_page_shows_what_is_published(viewer):
