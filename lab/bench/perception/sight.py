@@ -40,7 +40,8 @@ from trepid.types import Array
 PERIOD_S = 0.04
 WARM_UP, SCORED = 24, 4  # frames: the crest finder needs 0.8 s
 STEP = 3  # scored frames are this many frames apart
-DRIVES = {"clear": 12, "crest": 8, "wall": 8, "truck": 10}  # of each kind; of the others, of each grade
+# Drives of each kind; of the others, of each grade.
+DRIVES = {"clear": 12, "crest": 8, "dip": 8, "wall": 8, "truck": 10}
 OF_A_GRADE = 3
 GRADES = (1, 2, 3, 4, 5)
 WEATHER = ("fog", "night", "rain", "snow")
@@ -144,8 +145,8 @@ def _road(case: SightCase, rng: np.random.Generator) -> tuple[Road, float, float
     kinds = list(MarkingKind)
     kind = kinds[int(rng.integers(len(kinds)))]
     match case.kind:
-        case "crest":
-            return _hill(kind, rng)
+        case "crest" | "dip":
+            return _hill(kind, rng, sign=1.0 if case.kind == "crest" else -1.0)
         case "wall":
             return _walled_road(kind, rng)
         case "truck":
@@ -156,13 +157,13 @@ def _road(case: SightCase, rng: np.random.Generator) -> tuple[Road, float, float
     return road, float(rng.uniform(8.0, 60.0)), SPEEDS_MPS[shape]
 
 
-def _hill(kind: MarkingKind, rng: np.random.Generator) -> tuple[Road, float, float]:
-    """A straight road over a hill; the drive begins before its crest or on it."""
+def _hill(kind: MarkingKind, rng: np.random.Generator, *, sign: float) -> tuple[Road, float, float]:
+    """A straight road over a hill, or with ``sign`` -1 through a valley; the drive begins before it or in it."""
     grade, radius_m = float(rng.uniform(*HILL_GRADES)), float(rng.uniform(*HILL_RADII_M))
     long_m = 2 * grade * radius_m
-    profile = [(0.0, grade), (120.0, grade), (120.0 + long_m, -grade), (320.0 + long_m, -grade)]
+    grades = {0.0: grade, 120.0: grade, 120.0 + long_m: -grade, 320.0 + long_m: -grade}
     settings = _plain(kind, rng, (Segment(length_m=500.0 + long_m),)).model_copy(
-        update={"elevation": tuple(ElevationPoint(at_m=at_m, grade=slope) for at_m, slope in profile)}
+        update={"elevation": tuple(ElevationPoint(at_m=at, grade=sign * g) for at, g in grades.items())}
     )
     return Road(settings), 120.0 + float(rng.uniform(-40.0, 0.4 * long_m)), 10.0
 

@@ -36,8 +36,16 @@ def test_scores_are_those_of_hand_made_frames() -> None:
 
 def test_every_kind_and_grade_is_driven() -> None:
     rows = {case.row for case in cases(1, quick=True)}
-    assert rows == {"clear", "crest", "wall", "truck", *(f"{k} {g}" for k in WEATHER for g in GRADES)}
+    assert rows == {"clear", "crest", "dip", "wall", "truck", *(f"{k} {g}" for k in WEATHER for g in GRADES)}
     assert rows == {case.row for case in cases(1)}
+
+
+@pytest.mark.long
+def test_a_valley_hides_no_road() -> None:
+    found = drive(SightCase(5, "dip", 0, 0))
+    assert not {one.true.cause for one in found} & {Cause.CREST}
+    assert Cause.CREST not in {one.seen.sight_cause for one in found}
+    assert min(one.seen.sight_m or 0.0 for one in found) > 0.5 * max(one.true.distance_m for one in found)
 
 
 @pytest.mark.long
