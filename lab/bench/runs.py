@@ -6,7 +6,9 @@ import subprocess
 import sys
 from typing import Any
 
-from trepid.config import ROOT, InputError
+from trepid.config import CONFIG_DIR, ROOT, InputError
+
+TRACKED = ("mini", "rc-car")  # ready cars with tracks of their own
 
 SCORES = (
     *("distance_m", "duration_s", "departures", "interventions", "max_lateral_error_m"),
@@ -30,15 +32,26 @@ def bench_drive() -> Row:
 
 
 def bench_suite(seed: int, *, jobs: int = 2) -> Row:
-    """Run all scenarios on ``jobs`` processes; return totals, and the same figures for each tag."""
-    rows = trepid("sim", "run", "all", "--seed", str(seed), "--jobs", str(jobs))
+    """Run all scenarios and the tracks of the small cars; return totals, and the same figures by tag and by car."""
+    options = ("--seed", str(seed), "--jobs", str(jobs))
+    rows = trepid("sim", "run", "all", *options)
     tags = {row["name"]: row["tags"] for row in trepid("sim", "list")}
     known = sorted({tag for of_one in tags.values() for tag in of_one})
     by_tag = {tag: figures([row for row in rows if tag in tags[row["scenario"]]]) for tag in known}
+    of_cars = {car: run_tracks(car, *options) for car in TRACKED}
+    every = [*rows, *(row for tracks in of_cars.values() for row in tracks)]
     return {
         "scenarios": {"all": figures(rows), **by_tag},
-        "failed": [row["scenario"] for row in rows if row["status"] != "passed"],
+        "tracks": {car: figures(tracks) for car, tracks in of_cars.items()},
+        "failed": [row["scenario"] for row in every if row["status"] != "passed"],
     }
+
+
+def run_tracks(car: str, *options: str) -> list[Row]:
+    """Run the scenarios in the folder of a ready car."""
+    folder = CONFIG_DIR / "cars" / car
+    names = sorted(path.stem for path in (folder / "scenarios").glob("*.yaml"))
+    return trepid("sim", "run", *names, "--car", str(folder), *options)
 
 
 def figures(rows: list[Row]) -> Row:
