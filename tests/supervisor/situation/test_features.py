@@ -214,6 +214,20 @@ def test_a_flat_image_raises_fear_with_its_flatness_only_where_the_network_wande
     assert RULES.evaluate(calm | {"relative_contrast": 0.1, "cnn_path_jitter": 0.05}).fear == 0.0
 
 
+def test_between_edges_a_network_that_wanders_leaves_the_car_walking_pace() -> None:
+    """Between lines and with sure masks the speed raises fear less; so does a network that hardly wanders."""
+    road = calmest(RULES) | {"unmarked": 1.0, "segments_support": 0.0, "cnn_path_jitter": 0.22}
+
+    def fear(speed_mps: float, **changes: float) -> float:
+        return RULES.evaluate(road | changes | {"speed": speed_mps}).fear
+
+    rising = [fear(speed_mps) for speed_mps in (1.0, 2.0, 3.0, 4.5)]
+    assert rising == sorted(set(rising)) and rising[0] == pytest.approx(0.75) and rising[-1] > 0.9
+    assert RULES.speed_factor(rising[1]) * 8.0 < 3.0
+    lined, masked, calm = {"unmarked": 0.0}, {"segments_support": 1.0}, {"cnn_path_jitter": 0.1}
+    assert max(fear(4.5, **change) for change in (lined, masked, calm)) <= 0.75
+
+
 def leader(**changes: float) -> LeadVehicle:
     seen = LeadVehicle(t_s=AGE_S, distance_m=20.0, lateral_m=0.0, speed_mps=0.0, confidence=1.0)
     return replace(seen, **changes)
