@@ -28,8 +28,7 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
-from sim_harness.world.plants.actuators import state_after
-from sim_harness.world.plants.kinematic import KinematicPlant
+from sim_harness.world.plants.lateral import LateralPlant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.bounds import within
@@ -39,11 +38,10 @@ from trepid.types import Array
 
 STEP_S = 0.1
 LARGEST_STEP_MPS2 = 0.5
-LEAST_MPS = 1.0  # below it the yaw rate is that of this speed
 STEPS = 1000  # of noise, which then repeats
 
 
-class SampledPlant(KinematicPlant):
+class SampledPlant(LateralPlant):
     """The plant. ``inner`` = (lateral acceleration, number of the sample)."""
 
     def __init__(
@@ -54,35 +52,18 @@ class SampledPlant(KinematicPlant):
         self._share = 1.0 - math.exp(-STEP_S / lag_s)
         self._noise_mps2 = (noise_mps2 * np.random.default_rng(seed).standard_normal(STEPS)).tolist()
 
-    def yaw_rate_radps(self, state: PlantState) -> float:
-        """ψ' = a/v."""
-        if not state.inner:
-            return super().yaw_rate_radps(state)
-        return state.inner[0] / max(state.speed_mps, LEAST_MPS)
-
-    def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
-        """``state`` after ``h`` [s] with the lateral acceleration of the sample in which it begins."""
-        lateral_mps2, inner = self.yaw_rate_radps(state) * max(state.speed_mps, LEAST_MPS), state.inner
+    def answer(self, state: PlantState, curvature_1pm: float, h: float) -> tuple[float, ...]:
+        """That of the sample in which the step begins."""
         sample = math.floor(state.clock_s / STEP_S + 1e-6)
-        if not inner or sample != inner[1]:
-            inner = self._next_inner(state, lateral_mps2, sample)
-            lateral_mps2 = inner[0]
-        end = self.actuators.after(state, accel_demand_mps2, h)
-        turn_rad, way_m = lateral_mps2 / max(state.speed_mps, LEAST_MPS) * h, state.speed_mps * h
-        middle_rad = state.yaw_rad + turn_rad / 2
-        pose = (
-            state.x_m + way_m * math.cos(middle_rad),
-            state.y_m + way_m * math.sin(middle_rad),
-            state.yaw_rad + turn_rad,
-        )
-        return state_after(state, end, h, pose, inner=inner)
+        if state.inner and sample == state.inner[1]:
+            return state.inner
+        return self._next_inner(state, curvature_1pm * state.speed_mps**2, sample)
 
-    def _next_inner(self, state: PlantState, lateral_mps2: float, sample: int) -> tuple[float, ...]:
-        """``inner`` of ``sample`` after the lateral acceleration of the one before."""
-        angle_rad, speed_mps = self.actuators.at(state).tyre_angle_rad, state.speed_mps
-        steady_mps2 = self.curvature_1pm(angle_rad, speed_mps) * speed_mps * speed_mps
-        change_mps2 = self._share * (steady_mps2 - lateral_mps2) + self._noise_mps2[sample % STEPS]
-        return lateral_mps2 + within(change_mps2, LARGEST_STEP_MPS2), float(sample)
+    def _next_inner(self, state: PlantState, steady_mps2: float, sample: int) -> tuple[float, ...]:
+        """``inner`` of ``sample``, where the wheels would hold ``steady_mps2``."""
+        before_mps2 = self.lateral_mps2(state)
+        change_mps2 = self._share * (steady_mps2 - before_mps2) + self._noise_mps2[sample % STEPS]
+        return before_mps2 + within(change_mps2, LARGEST_STEP_MPS2), float(sample)
 
 
 CONTEXT = 20  # samples that the network sees
@@ -116,11 +97,10 @@ class LearnedPlant(SampledPlant):
         self._network, self._seed = session(path), seed
         self._gain_at: dict[float, tuple[float, float]] = {}
 
-    def _next_inner(self, state: PlantState, lateral_mps2: float, sample: int) -> tuple[float, ...]:
+    def _next_inner(self, state: PlantState, steady_mps2: float, sample: int) -> tuple[float, ...]:
         """The drawn lateral acceleration, and the context with the present command."""
-        speed_mps = state.speed_mps
+        speed_mps, lateral_mps2 = state.speed_mps, self.lateral_mps2(state)
         gain_mps2, bias_mps2 = self._calibration(round(speed_mps))
-        steady_mps2 = self.curvature_1pm(self.actuators.at(state).tyre_angle_rad, speed_mps) * speed_mps**2
         command = within((steady_mps2 - bias_mps2) / gain_mps2, LARGEST_COMMAND)
         old = state.inner[2:] or (0.0, speed_mps, 0.0) * CONTEXT
         context = (*old[MOTION:], command, speed_mps, lateral_mps2)

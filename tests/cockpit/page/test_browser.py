@@ -100,12 +100,12 @@ def at_ease(viewer):
     """
     viewer.js("document.getElementById('tab-drive').click()")
 
-    def eased() -> bool:
+    def is_at_ease() -> bool:
         viewer.scene.__dict__.update(Scene().__dict__)
         viewer.publisher.button.held = False
         return (viewer.text("mode"), viewer.text("stop-word")) == ("KEEP", "STOP")
 
-    assert until(eased, patience_s=PATIENCE_S), viewer.text("mode")
+    assert until(is_at_ease, patience_s=PATIENCE_S), viewer.text("mode")
 
 
 def test_the_page_shows_what_is_published(viewer):
