@@ -225,10 +225,11 @@ def test_a_driver_hands_over_a_live_car_at_speed() -> None:
     """The driver hands over at t = 0, whatever the inputs are; where they come late until then, the car waits."""
     for _ in range(4):
         returncode, row = LiveDrive("--scenario", "leader_brakes", "--duration", "4").result(patience_s=60)
-        if returncode == 0 or row["latency_ms"]["frame_to_command"]["p99"] < LATE_MS:
+        latency_ms = row["latency_ms"]["frame_to_command"]
+        if returncode == 0 or (latency_ms is not None and latency_ms["p99"] < LATE_MS):
             break
     else:
         pytest.skip("frames come late to the command on this machine")
-    assert (returncode, row["reasons"], row["waits_for"]) == (0, [], "")
+    assert (returncode, row["reasons"]) == (0, []), row["waits_for"]
     assert row["distance_m"] > 4 * 5.0
     assert "STOP" not in row["modes"] or row["modes"]["STOP"] < 0.2

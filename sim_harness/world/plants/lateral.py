@@ -16,9 +16,7 @@ from sim_harness.world.plants.actuators import state_after
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.state import PlantState
 
-LEAST_MPS = (
-    1.0  # below it the yaw rate is that of this speed: a model of accelerations says nothing at a standstill
-)
+LEAST_MPS = 1.0  # below it the yaw rate is that of this speed: at standstill an acceleration says nothing
 
 
 class LateralPlant(KinematicPlant):
@@ -44,9 +42,8 @@ class LateralPlant(KinematicPlant):
 
     def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
         """``state`` after ``h`` [s] with the lateral acceleration that the model answers."""
-        inner = self.answer(
-            state, self.curvature_1pm(self.actuators.at(state).tyre_angle_rad, state.speed_mps), h
-        )
+        angle_rad = self.actuators.at(state).tyre_angle_rad
+        inner = self.answer(state, self.curvature_1pm(angle_rad, state.speed_mps), h)
         turn_rad, way_m = inner[0] / max(state.speed_mps, LEAST_MPS) * h, state.speed_mps * h
         middle_rad = state.yaw_rad + turn_rad / 2
         pose = (
