@@ -221,10 +221,10 @@ def _labelled_count(data: Dataset) -> int:
 
 def _sentence(row: Row) -> str:
     way_m = row["distance_m"]
+    way = f"{way_m:.0f} m" if way_m < 1e3 else f"{way_m / 1e3:.2f} km"
     return (
         f"{row['interventions']} interventions, {row['rms_lateral_error_m']:.3f} m rms and"
-        f" {row['max_lateral_error_m']:.2f} m at most beside the centre, in"
-        f" {f'{way_m / 1e3:.2f} km' if way_m >= 1e3 else f'{way_m:.0f} m'}"
+        f" {row['max_lateral_error_m']:.2f} m at most beside the centre, in {way}"
     )
 
 
