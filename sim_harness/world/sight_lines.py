@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim_harness.world.roads.features import TRUNK_M, Wall, WallKind
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Mask
 
@@ -64,6 +65,9 @@ def wall_faces(road: Road) -> tuple[Array, Array]:
     """The faces of all walls of a road, x, y of both ends and the height of the top, (n, 5), and their stations."""
     faces, stations_m = [np.empty((0, 5))], [np.empty(0)]
     for wall in road.settings.walls:
+        if wall.kind is WallKind.TREES:
+            _add_trunks(road, wall, faces, stations_m)
+            continue
         count = max(math.ceil((wall.to_m - wall.from_m) / WALL_M), 1)
         stations = np.linspace(wall.from_m, wall.to_m, count + 1)
         tops_m = road.heights_at((stations[:-1] + stations[1:]) / 2) + wall.tall_m
@@ -72,6 +76,19 @@ def wall_faces(road: Road) -> tuple[Array, Array]:
             faces.append(np.column_stack([ends[:-1], ends[1:], tops_m]))
             stations_m.append(stations[:-1])
     return np.concatenate(faces), np.concatenate(stations_m)
+
+
+def _add_trunks(road: Road, wall: Wall, faces: list[Array], stations_m: list[Array]) -> None:
+    """Two crossed faces of each trunk; crowns are above every line from a lens to the ground near it."""
+    middles, half_m = wall.trunks_m, TRUNK_M / 2
+    tops_m = road.heights_at(middles) + wall.tall_m
+    for sign in wall.signs:
+        aside_m = sign * (road.widths_at(middles) / 2 + wall.distance_m)
+        along = road.positions(middles - half_m, aside_m), road.positions(middles + half_m, aside_m)
+        across = road.positions(middles, aside_m - half_m), road.positions(middles, aside_m + half_m)
+        for start, end in (along, across):
+            faces.append(np.column_stack([start, end, tops_m]))
+            stations_m.append(middles)
 
 
 def box_faces(corners_m: Sequence[tuple[float, float]], top_m: float) -> list[tuple[float, ...]]:

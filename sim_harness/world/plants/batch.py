@@ -1,7 +1,8 @@
 """Vectorised kinematic plants: one array per quantity, one Runge-Kutta step for all.
 
 The equations are those of `sim_harness.world.plants.kinematic` and `sim_harness.world.plants.actuators`; each
-vehicle may have its own parameters; only the period is common, and dead times are whole numbers of periods.
+vehicle may have its own parameters, and the grade and bank on which it stood at the start; only the period is
+common, and dead times are whole numbers of periods.
 """
 
 import math
@@ -44,6 +45,7 @@ class BatchPlant:
         self._gradient = np.array([plant.understeer_rad_per_mps2 for plant in plants])
         self._bank_mps2 = np.array([plant.bank_mps2 for plant in plants])
         self._grip2 = np.array([plant.grip_mps2**2 for plant in plants])
+        self._pull_mps2 = np.array([a.pull_mps2 for a in actuators])
         self._max_accel_mps2 = np.array([a.max_accel_mps2 for a in actuators])
         self._max_decel_mps2 = np.array([a.max_decel_mps2 for a in actuators])
         self._max_angle_rad = np.array([a.max_angle_rad for a in actuators])
@@ -89,7 +91,7 @@ class BatchPlant:
         h = self.period_s
         demand_mps2 = np.clip(accel_demand_mps2, -self._max_decel_mps2, self._max_accel_mps2)
         self._enqueue(state, np.clip(angle_demand_rad, -self._max_angle_rad, self._max_angle_rad))
-        standing = (state.speed_mps == 0.0) & (demand_mps2 <= 0.0)
+        standing = (state.speed_mps == 0.0) & (demand_mps2 + self._pull_mps2 <= 0.0)
         v_0 = state.speed_mps
         v_mid, a_mid = self._speed(state, demand_mps2, standing, h / 2)
         v_end, a_end = self._speed(state, demand_mps2, standing, h)
@@ -131,7 +133,11 @@ class BatchPlant:
         decay = self._decays[t]
         missing = state.accel_mps2 - demand_mps2
         accel_mps2 = demand_mps2 + missing * decay
-        speed_mps = state.speed_mps + demand_mps2 * t + missing * self._accel_lag_s * (1.0 - decay)
+        speed_mps = (
+            state.speed_mps
+            + (demand_mps2 + self._pull_mps2) * t
+            + missing * self._accel_lag_s * (1.0 - decay)
+        )
         stopped = standing | (speed_mps <= 0.0)
         if not stopped.any():
             return speed_mps, accel_mps2

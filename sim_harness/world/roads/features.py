@@ -1,14 +1,15 @@
-"""Settings of local features of a road: marks speed humps, side roads that join it, walls along it."""
+"""Settings of local features of a road: marks, speed humps, side roads that join it, walls along it."""
 
 import math
 from enum import StrEnum
 from typing import Annotated, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from sim_harness.world.roads.appearance import Paint, Surface
 from trepid.config import Settings
-from trepid.types import NonNegative, Positive, Share
+from trepid.types import Array, NonNegative, Positive, Share
 
 
 class MarkKind(StrEnum):
@@ -145,10 +146,22 @@ class WallKind(StrEnum):
     STONE = "stone"  # a garden wall
     HEDGE = "hedge"
     HOUSES = "houses"  # a row of fronts with windows
+    KERB = "kerb"  # kerbstones that stand above the carriageway
+    SNOW = "snow"  # the bank that a plough leaves
+    TREES = "trees"  # a row of trunks with crowns, and gaps between them
 
 
-HEIGHT_M = {WallKind.PARAPET: 1.1, WallKind.STONE: 2.0, WallKind.HEDGE: 2.2, WallKind.HOUSES: 7.0}
+HEIGHT_M = {
+    WallKind.PARAPET: 1.1,
+    WallKind.STONE: 2.0,
+    WallKind.HEDGE: 2.2,
+    WallKind.HOUSES: 7.0,
+    WallKind.KERB: 0.12,
+    WallKind.SNOW: 0.9,
+    WallKind.TREES: 9.0,
+}
 """Usual heights; a parapet is at least 1.0 m high (EN 1317-6)."""
+TREE_EVERY_M, TRUNK_M = 8.0, 0.4  # from trunk to trunk; its width
 
 
 class Wall(Settings):
@@ -176,3 +189,9 @@ class Wall(Settings):
     def signs(self) -> tuple[int, ...]:
         """The sides on which it stands: 1 left, -1 right."""
         return {Side.LEFT: (1,), Side.RIGHT: (-1,), Side.BOTH: (1, -1)}[self.side]
+
+    @property
+    def trunks_m(self) -> Array:
+        """Stations of the trunks of a row of trees, the middles of equal spaces."""
+        count = max(round((self.to_m - self.from_m) / TREE_EVERY_M), 1)
+        return self.from_m + (np.arange(count) + 0.5) * (self.to_m - self.from_m) / count

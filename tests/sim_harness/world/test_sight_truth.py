@@ -19,6 +19,7 @@ from sim_harness.world.roads.disturbances import Disturbance
 from sim_harness.world.roads.elevation import BankPoint, ElevationPoint
 from sim_harness.world.roads.features import RoadMark, Wall, WallKind
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from sim_harness.world.sight_lines import SightLines, Spot
 from sim_harness.world.sight_truth import SightTruth, load_sight_settings
 from trepid.car.camera import Camera
 from trepid.causes import Cause
@@ -265,7 +266,7 @@ def test_beyond_a_crest_paint_changes_no_pixel_and_before_it_does():
     assert not np.array_equal(frames[0], frames[2])
 
 
-@pytest.mark.parametrize("kind", list(WallKind))
+@pytest.mark.parametrize("kind", [kind for kind in WallKind if kind is not WallKind.TREES])
 def test_behind_a_wall_paint_changes_no_pixel_and_before_it_does(kind):
     arc = (Segment(length_m=180, curvature_1pm=1 / 60),)
     wall = Wall(kind=kind, side="left", from_m=0, to_m=180, distance_m=0.8, height_m=2.4)
@@ -280,6 +281,23 @@ def test_behind_a_wall_paint_changes_no_pixel_and_before_it_does(kind):
     ]
     assert np.array_equal(frames[0], frames[1])
     assert not np.array_equal(frames[0], frames[2])
+
+
+def test_a_trunk_ends_a_line_of_sight_and_the_gap_beside_it_does_not():
+    avenue = road(walls=(Wall(kind="trees", side="left", from_m=0, to_m=80, distance_m=1.0),))
+    lines = SightLines(avenue)
+    eye = Spot(10.0, 10.0, 0.0, 1.4)
+    trunk_m = float(avenue.settings.walls[0].trunks_m[4])
+    aside_m = LANE_M / 2 + 1.0
+
+    def beyond(through_m: float) -> Spot:
+        """A place on the ground on the line from the eye over ``through_m``, three metres behind the row."""
+        ahead_m = 10.0 + (through_m - 10.0) * (aside_m + 3.0) / aside_m
+        return Spot(ahead_m, ahead_m, aside_m + 3.0, 0.0)
+
+    assert not lines.are_free(eye, beyond(trunk_m))
+    assert lines.are_free(eye, beyond(trunk_m + 4.0))
+    assert lines.are_free(eye, beyond(trunk_m - 4.0))
 
 
 def stop_line(at_m: float) -> RoadMark:

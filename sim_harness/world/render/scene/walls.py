@@ -1,4 +1,8 @@
-"""Walls along a road: parapets, garden walls, hedges, rows of houses. Only the face towards the road is drawn."""
+"""What stands along a road: parapets, garden walls, hedges, houses, kerbs, banks of snow, trees.
+
+Only the face towards the road is drawn. A tree looks alike from all sides: its trunk is a strip and its crown an
+ellipse across the line of sight.
+"""
 
 import math
 from dataclasses import dataclass
@@ -6,14 +10,21 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.painter import NEAR_M, SHIFT, Pose
+from sim_harness.world.render.scene.painter import NEAR_M, SHIFT, Pixels, Pose
 from sim_harness.world.render.scene.relief import SLACK_M, Relief
 from sim_harness.world.render.scene.view import View, polygon
-from sim_harness.world.roads.features import Wall, WallKind
+from sim_harness.world.roads.features import TRUNK_M, Wall, WallKind
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Floats, Image
 
-PANEL_M = {WallKind.PARAPET: 2.0, WallKind.STONE: 2.0, WallKind.HEDGE: 1.0, WallKind.HOUSES: 3.0}
+PANEL_M = {
+    WallKind.PARAPET: 2.0,
+    WallKind.STONE: 2.0,
+    WallKind.HEDGE: 1.0,
+    WallKind.HOUSES: 3.0,
+    WallKind.KERB: 1.0,
+    WallKind.SNOW: 0.5,
+}
 WITHIN_M = 160.0  # distance within which walls are drawn
 FRONT_PANELS = 3  # panels of one house
 # Bands from the ground up: upper end as a share of the height, and colour; each panel varies it.
@@ -27,9 +38,24 @@ BANDS = {
     ),
     WallKind.HEDGE: ((0.3, (28, 48, 36)), (0.75, (38, 74, 52)), (1.0, (52, 98, 70))),
     WallKind.HOUSES: ((0.08, (96, 100, 104)), (0.94, (150, 165, 175)), (1.0, (60, 70, 96))),
+    WallKind.KERB: ((0.75, (122, 128, 130)), (1.0, (168, 172, 174))),
+    WallKind.SNOW: ((0.2, (150, 152, 152)), (0.6, (206, 206, 204)), (1.0, (236, 234, 230))),
+    WallKind.TREES: ((1.0, (40, 52, 62)), (1.0, (40, 78, 56))),  # trunk; crown
 }
-VARIES = {WallKind.PARAPET: 0.05, WallKind.STONE: 0.14, WallKind.HEDGE: 0.18, WallKind.HOUSES: 0.10}
-RAGGED = 0.07  # standard deviation of the height of a hedge, as a share
+VARIES = {
+    WallKind.PARAPET: 0.05,
+    WallKind.STONE: 0.14,
+    WallKind.HEDGE: 0.18,
+    WallKind.HOUSES: 0.10,
+    WallKind.KERB: 0.06,
+    WallKind.SNOW: 0.04,
+    WallKind.TREES: 0.2,
+}
+RAGGED = {WallKind.HEDGE: 0.07, WallKind.SNOW: 0.07, WallKind.TREES: 0.15}
+"""Standard deviation of the height, as a share."""
+CROWN = (0.28, 0.2)  # lower end and half of the width of a crown, as shares of the height
+CROWN_CORNERS = 14
+TRUNK_CORNERS = ((-1, 0.0), (1, 0.0), (1, 0.5), (-1, 0.5))  # side, share of the height
 GLASS_BGR, WINDOW_M, STOREY_M = (70, 62, 52), (1.1, 1.4), 3.0  # of houses
 SILL_M = 1.0
 
@@ -39,7 +65,7 @@ class _Panels:
     """The panels of one wall on one side."""
 
     kind: WallKind
-    ends_m: Array  # in plan, (n, 2 ends, 2)
+    ends_m: Array  # in plan, (n, 2 ends, 2); of a tree both are its middle
     tall_m: Array  # (n,)
     tints: Array  # (n, bands)
 
@@ -61,10 +87,11 @@ class Walls:
         """
         drawn, wall_m = image.copy(), np.full(surface_m.shape, np.inf, np.float32)
         faces = [face for panels in self._panels for face in _faces(panels, view, pose, relief)]
-        for reach_m, outline, fills in sorted(faces, key=lambda face: -face[0]):
+        for reach_m, outlines, fills in sorted(faces, key=lambda face: -face[0]):
             for corners, bgr in fills:
                 cv2.fillConvexPoly(drawn, corners, bgr, cv2.LINE_AA, SHIFT)
-            cv2.fillConvexPoly(wall_m, outline, reach_m, cv2.LINE_8, SHIFT)
+            for outline in outlines:
+                cv2.fillConvexPoly(wall_m, outline, reach_m, cv2.LINE_8, SHIFT)
         seen = wall_m < surface_m + SLACK_M
         if relief is None:
             image[:] = drawn
@@ -74,22 +101,25 @@ class Walls:
 
 
 def _panels(road: Road, wall: Wall, sign: int, rng: np.random.Generator) -> _Panels:
-    count = max(round((wall.to_m - wall.from_m) / PANEL_M[wall.kind]), 1)
-    stations = np.linspace(wall.from_m, wall.to_m, count + 1)
+    if wall.kind is WallKind.TREES:
+        stations = wall.trunks_m
+        count = len(stations)
+    else:
+        count = max(round((wall.to_m - wall.from_m) / PANEL_M[wall.kind]), 1)
+        stations = np.linspace(wall.from_m, wall.to_m, count + 1)
     places = road.positions(stations, sign * (road.widths_at(stations) / 2 + wall.distance_m))
+    starts, ends = (places, places) if wall.kind is WallKind.TREES else (places[:-1], places[1:])
     tall = np.full(count, wall.tall_m)
-    if wall.kind is WallKind.HEDGE:
-        tall *= 1 + RAGGED * rng.standard_normal(count).clip(-2, 2)
+    if wall.kind in RAGGED:
+        tall *= 1 + RAGGED[wall.kind] * rng.standard_normal(count).clip(-2, 2)
     groups = FRONT_PANELS if wall.kind is WallKind.HOUSES else 1
     shape = (-(-count // groups), len(BANDS[wall.kind]))
     tints = 1 + VARIES[wall.kind] * rng.uniform(-1, 1, shape)
-    return _Panels(
-        wall.kind, np.stack([places[:-1], places[1:]], axis=1), tall, tints.repeat(groups, axis=0)[:count]
-    )
+    return _Panels(wall.kind, np.stack([starts, ends], axis=1), tall, tints.repeat(groups, axis=0)[:count])
 
 
-Face = tuple[float, Array, list[tuple[Array, tuple[float, ...]]]]
-"""Distance from the lens, outline, and polygons with their colours."""
+Face = tuple[float, list[Pixels], list[tuple[Pixels, tuple[float, ...]]]]
+"""Distance from the lens, outlines, and polygons with their colours."""
 
 
 def _faces(panels: _Panels, view: View, pose: Pose, relief: Relief | None) -> list[Face]:
@@ -108,6 +138,10 @@ def _faces(panels: _Panels, view: View, pose: Pose, relief: Relief | None) -> li
     found = []
     for i in chosen:
         a, b = ends[i]
+        if panels.kind is WallKind.TREES:
+            foot_m = np.array([*a, 0.0 if relief is None else relief.lift_at(*a)])
+            found.append(_tree(panels, int(i), view, foot_m, float(away[i])))
+            continue
         for this, (one, other) in enumerate(((0, 1), (1, 0))):
             if ahead[i, one] < nearest_m:
                 share = (nearest_m - ahead[i, one]) / (ahead[i, other] - ahead[i, one])
@@ -140,4 +174,24 @@ def _face(panels: _Panels, i: int, view: View, feet_m: Array, away_m: float) -> 
                 [*lower, *(np.add(corner, (0, 0, WINDOW_M[1])) for corner in reversed(lower))]
             )
             fills.append((polygon(view.pixels(corners_m)[0]), GLASS_BGR))
-    return away_m, np.concatenate([pixels[0], pixels[-1][::-1]]), fills
+    return away_m, [np.concatenate([pixels[0], pixels[-1][::-1]])], fills
+
+
+def _tree(panels: _Panels, i: int, view: View, foot_m: Array, away_m: float) -> Face:
+    """``foot_m``: x, y, z of the middle of the trunk on the ground, in vehicle axes."""
+    tall_m, (low, half) = panels.tall_m[i], CROWN
+    sight = foot_m[:2] - (view.camera.x_m, view.camera.y_m)
+    across = np.array([-sight[1], sight[0], 0.0]) / max(float(np.linalg.norm(sight)), NEAR_M)
+    up = np.array([0.0, 0.0, tall_m])
+    trunk_m = [foot_m + side * across * TRUNK_M / 2 + share * up for side, share in TRUNK_CORNERS]
+    turns = np.linspace(0, 2 * math.pi, CROWN_CORNERS, endpoint=False)
+    middle_m = foot_m + (1 + low) / 2 * up
+    crown_m = [
+        middle_m + half * tall_m * math.cos(t) * across + (1 - low) / 2 * math.sin(t) * up for t in turns
+    ]
+    outlines = [polygon(view.pixels(np.array(corners_m))[0]) for corners_m in (trunk_m, crown_m)]
+    colours = [
+        tuple(min(float(panels.tints[i, band]) * c, 255.0) for c in bgr)
+        for band, (_, bgr) in enumerate(BANDS[panels.kind])
+    ]
+    return away_m, outlines, list(zip(outlines, colours, strict=True))

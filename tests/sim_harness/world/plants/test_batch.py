@@ -32,12 +32,14 @@ def vehicles(count, seed):
             steering_offset_rad=float(rng.choice([0.0, 0.01])),
             steering_friction_rad=float(rng.choice([0.0, 0.005])),
         )
-        yield KinematicPlant(SHUTTLE.model_copy(update=changes), settings)
+        plant = KinematicPlant(SHUTTLE.model_copy(update=changes), settings)
+        plant.stand_on(float(rng.choice([-0.08, 0.0, 0.12])), float(rng.choice([0.0, 0.03])))
+        yield plant
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_each_vehicle_of_a_batch_moves_as_the_scalar_plant(seed):
-    """Through rate limits, slides, stops, standstill and new starts."""
+    """Through rate limits, slides, stops, standstill and new starts, on level ground and on hills and banks."""
     rng = np.random.default_rng(seed)
     plants = list(vehicles(12, seed))
     speeds = rng.uniform(0.0, 15.0, len(plants))

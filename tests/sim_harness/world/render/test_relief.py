@@ -97,7 +97,7 @@ def test_a_vehicle_behind_a_wall_is_hidden_and_one_before_it_is_not():
     assert (empty != before).any(axis=2).sum() > 50
 
 
-@pytest.mark.parametrize("kind", ["parapet", "stone", "houses"])
+@pytest.mark.parametrize("kind", ["parapet", "stone", "houses", "kerb"])
 def test_the_upper_edge_of_a_wall_lies_where_the_camera_sees_its_height(kind):
     wall = Wall(kind=kind, side="right", from_m=30, to_m=60, distance_m=3.0, height_m=2.5)
     changed = (frame(road(walls=(wall,))) != frame(road())).any(axis=2)
@@ -110,13 +110,34 @@ def test_the_upper_edge_of_a_wall_lies_where_the_camera_sees_its_height(kind):
     assert rows[0] == pytest.approx(top, abs=1.5)
 
 
-def test_walls_left_and_right_are_mirror_images():
+@pytest.mark.parametrize(("kind", "share"), [("stone", 0.01), ("kerb", 0.01), ("trees", 0.03)])
+def test_walls_left_and_right_are_mirror_images_but_for_their_heights(kind, share):
     camera = CAMERA.model_copy(update={"cx_px": (CAMERA.width_px - 1) / 2})
     masks = []
     for side in ("left", "right"):
-        walled = road(walls=(Wall(side=side, from_m=24, to_m=90, distance_m=1.5, height_m=2.0),))
+        walled = road(walls=(Wall(kind=kind, side=side, from_m=24, to_m=90, distance_m=1.5),))
         masks.append((frame(walled, camera=camera) != frame(road(), camera=camera)).any(axis=2))
-    assert (masks[0] != masks[1][:, ::-1]).mean() < 0.01
+    assert masks[0].any()
+    assert (masks[0] != masks[1][:, ::-1]).mean() < share
+
+
+def test_a_row_of_trees_hides_only_what_is_behind_trunks_and_crowns():
+    avenue = road(walls=(Wall(kind="trees", side="right", from_m=25, to_m=121, distance_m=2.0),))
+    truck = [((50.0, -8.0, 0.0), TRUCK)]
+    without = (frame(road()) != frame(road(), vehicles=truck)).any(axis=2)
+    within = (frame(avenue) != frame(avenue, vehicles=truck)).any(axis=2)
+    assert not (within & ~without).any()
+    assert 0.2 * without.sum() < within.sum() < 0.95 * without.sum()
+
+
+def test_a_bank_of_snow_hides_the_wheels_of_a_vehicle_behind_it_and_shows_its_roof():
+    bank = road(walls=(Wall(kind="snow", side="right", from_m=22, to_m=120, distance_m=1.0),))
+    van = [((40.0, -6.0, 0.0), BODIES[Shape.VAN])]
+    without = (frame(road()) != frame(road(), vehicles=van)).any(axis=2).any(axis=1)
+    within = (frame(bank) != frame(bank, vehicles=van)).any(axis=2).any(axis=1)
+    rows = [np.flatnonzero(mask) for mask in (without, within)]
+    assert rows[0][0] == rows[1][0]
+    assert rows[1][-1] <= rows[0][-1] - 3
 
 
 def test_fog_covers_a_far_wall_more_than_a_near_one():
