@@ -18,7 +18,6 @@ The side of the traffic is that of the car file, or learned from kerbs beside li
 import math
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from perception.camera.lower_end import SAME, LowerEnd
@@ -30,6 +29,7 @@ from perception.lane.detection.evenness import unevenness
 from perception.lane.detection.marks import marks
 from perception.lane.detection.shown import visible_share
 from perception.lane.lane_cv import NAME, lane_estimate
+from perception.lane.light import brighten_road
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
 from perception.lane.model.paths import ROW_STEP_PX
 from perception.lane.model.prediction import VehicleMotion
@@ -47,7 +47,6 @@ from trepid.types import Image
 
 KEPT = 5  # pairs that are kept
 FORGET_S = 1.0  # after a longer pause nothing is kept
-ROAD_ROWS = 0.7  # the road right ahead is below this share of the height of the image
 UNEVEN = 2.0  # of a lane of which too little is visible
 MIN_AGREEMENT = 0.9  # from which both finders have the same lane
 PROBABLE = 0.5  # lane of the search on its own, whose more precise place is reported
@@ -126,7 +125,8 @@ class WhichLane:
         if found is not None:
             self._searched.add_optics(found)
         road = self._above_own_car(frame)
-        road = replace(road, image=lit(road.image, day_grey=street.day_grey, max_gain=street.max_gain))
+        light = brighten_road(as_bgr(road.image), grey=street.day_grey, max_gain=street.max_gain)
+        road = replace(road, image=light)
         searched = self._searched.step(road, state, now_s=now_s)
         if self._searched.camera is not before:
             self._kept = None  # its pairs are in the metres of another camera
@@ -233,20 +233,6 @@ class WhichLane:
         )  # fmt: skip
         drawn = {name: getattr(estimate, name) for name in ("left_boundary_px", "right_boundary_px")}
         return replace(with_camera_doubt(metres, self.belief), **drawn)
-
-
-def lit(image: Image, *, day_grey: float, max_gain: float) -> Image:
-    """``image`` as BGR, brightened until the road right ahead has the median ``day_grey``; a light one unchanged.
-
-    A street at dusk keeps its contrasts, but they are below those that paint has by day.
-    """
-    image = as_bgr(image)
-    height, width = image.shape[:2]
-    ahead = image[int(ROAD_ROWS * height) :: 4, width // 3 : 2 * width // 3 : 4, 1]
-    gain = min(day_grey / max(float(np.median(ahead)), 1.0), max_gain)
-    if gain <= 1:
-        return image
-    return cv2.convertScaleAbs(image, alpha=gain).astype(np.uint8, copy=False)
 
 
 def _of_search(

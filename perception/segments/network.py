@@ -5,6 +5,9 @@ probability of the channels C is softmax: Σ_{c∈C} exp z_c / Σ_k exp z_k, of 
 
 The image is scaled to the width of the network. A higher one loses its upper rows, a lower one gets rows of its
 uppermost colours above it, so that the proportions stay those of the training, and the road is seen as a whole.
+
+**Dark roads.** Few pictures of the training have an unlit road that the camera hardly exposed, as at dusk. An image
+whose road right ahead is below ``least_grey`` is brightened to it; one that was exposed for its road is left alone.
 """
 
 from pathlib import Path
@@ -14,12 +17,16 @@ import cv2
 import numpy as np
 from pydantic import Field, model_validator
 
+from perception.lane.light import brighten_road
 from perception.net.session import InferenceSession, first_run, open_session
 from trepid.config import InputError, Settings
 from trepid.types import Floats, Image, Positive
 
 Side = Annotated[int, Field(ge=32, le=4096)]
 Colours = tuple[float, float, float]
+
+
+MAX_GAIN = 4.0  # of a dark image, whose noise grows as well
 
 
 class NetworkInput(Settings):
@@ -31,6 +38,7 @@ class NetworkInput(Settings):
     colours: Literal["rgb", "bgr"] = "rgb"
     mean: Colours = (0.0, 0.0, 0.0)
     deviation: tuple[Positive, Positive, Positive] = (1.0, 1.0, 1.0)
+    least_grey: Annotated[float, Field(ge=0.0, le=255.0)] = 0.0  # of the road right ahead
 
 
 class MaskOutput(Settings):
@@ -96,6 +104,7 @@ class Segmenter:
     def __call__(self, image: Image) -> Masks:
         """The masks of ``image``, (h, w, 3) uint8 BGR of any size."""
         taken = self._about.input
+        image = brighten_road(image, grey=taken.least_grey, max_gain=MAX_GAIN)
         rows = max(1, round(image.shape[0] * taken.width / image.shape[1]))
         scaled = cv2.resize(image, (taken.width, rows), interpolation=cv2.INTER_AREA)
         above = rows - taken.height

@@ -18,7 +18,6 @@ from perception.lane.which_lane import (
     NO_HORIZON,
     RememberedFrame,
     WhichLane,
-    lit,
     move_pairs,
     scale_lane,
 )
@@ -98,12 +97,6 @@ def test_a_low_wide_image_with_less_road_than_edges_need_shows_none(height_px):
         Frame(t_s=0.0, image=np.full((height_px, 320, 3), 90, np.uint8)), None, now_s=0.0
     )
     assert seen.lateral_offset_m is None and seen.reason == "the image shows no road"
-
-
-def test_a_dark_street_is_brightened_and_a_light_one_is_not():
-    dark, light = np.full((240, 320, 3), 30, np.uint8), np.full((240, 320, 3), 120, np.uint8)
-    assert lit(dark, day_grey=80, max_gain=4)[200, 160, 1] == 80
-    assert lit(light, day_grey=80, max_gain=4) is light
 
 
 @pytest.mark.parametrize("grey", [12, 190])

@@ -59,6 +59,19 @@ def test_the_order_and_the_scale_of_colours_follow_the_description(tmp_path: Pat
     assert rgb.lines.max() < 0.01 and bgr.lines.min() > 0.99 and dark.lines.max() < 0.01
 
 
+def test_a_road_darker_than_those_of_the_training_is_brightened_and_a_lighter_one_is_not(
+    tmp_path: Path,
+) -> None:
+    taken = {"name": "x", "width": WIDTH, "height": HEIGHT}
+    plain = segmenter(tmp_path)
+    knows_light_roads = segmenter(tmp_path, input=taken | {"least_grey": 100.0})
+    day = striped_road(360, 640)
+    dusk = day // 3
+    assert (plain(dusk).lines[120] < 0.5).all() and (plain(day).lines[120] > 0.5).any()
+    assert ((knows_light_roads(dusk).lines > 0.5) == (plain(day).lines > 0.5)).all()
+    assert (knows_light_roads(day).lines == plain(day).lines).all()
+
+
 def test_a_mask_that_a_network_does_not_give_is_absent(tmp_path: Path) -> None:
     assert segmenter(tmp_path, area=None)(striped_road(192, 320)).area is None
 
