@@ -46,7 +46,7 @@ CLOSURES = {
         "import perception.node\nfrom perception.estimators import build\nassert build('cv')",
         {"perception"},
         47,
-        4_775,
+        4_780,
     ),
     "cv, which judges the image": Closure(
         "import perception.node\n"

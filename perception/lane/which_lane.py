@@ -6,6 +6,8 @@ precise where both boundaries of a lane are of one kind, and the pairs of bounda
 the other where they agree, and against it where they do not. Of two that agree, one that its own finder doubts is
 not reported: the search may remember one that slid off the boundaries of the road.
 
+In masks (``bounded``) a pair is at most as sure as its share among all pairs: of equal hypotheses none is sure.
+
 The image counts down to the lower end of the road, where a bonnet is visible (:mod:`perception.camera.lower_end`):
 its grey level is not that of the road, and no pixel of it shows a boundary.
 
@@ -34,7 +36,7 @@ from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneStat
 from perception.lane.model.paths import ROW_STEP_PX
 from perception.lane.model.prediction import VehicleMotion
 from perception.lane.settings import LaneCvSettings
-from perception.lane.street.pairs import Boundary, BoundaryKind, Pair, kerb_side
+from perception.lane.street.pairs import Boundary, BoundaryKind, Pair, chosen_share, kerb_side
 from perception.lane.street.profile import StreetCourse
 from perception.lane.street.rating import either, probability_of, searched_features, street_features
 from perception.lane.street_finder import StreetLane, street_lane
@@ -213,6 +215,8 @@ class WhichLane:
         by_pair = probability_of(of_pair, weights.pair) * (1 - both_ways)
         if not all(which):  # no pixel shows the middle of a road
             by_pair = min(by_pair, lane.pair.probability)
+        among = chosen_share((lane.pair, *lane.rest), weights.pairs)
+        by_pair = min(by_pair, 1 - weights.bounded * (1 - among))
         if same >= MIN_AGREEMENT and searched.lanes_detected == 2 and searched.confidence >= PROBABLE:
             return replace(searched, confidence=max(by_search, by_pair))
         best = (searched, by_search) if by_search >= by_pair else (paired, by_pair)

@@ -11,7 +11,7 @@ from perception.net.published_files import data_file
 from perception.segments.network import SegmentNetwork
 from trepid.config import CONFIG_DIR, InputError, Settings, default_file, default_names, load, resource
 from trepid.spelling import did_you_mean_or_list
-from trepid.types import NonNegative
+from trepid.types import NonNegative, Share
 
 FOLDER = "networks"  # of descriptions in config/ or the folder of a car, and of fetched files
 
@@ -23,6 +23,7 @@ class SegmentSettings(Settings):
     file: str | None = None
     confidence: ConfidenceSettings
     line_within: NonNegative
+    bounded: Share
     searched: SearchedWeights
     pair: StreetWeights
 
@@ -35,7 +36,7 @@ def segment_settings() -> SegmentSettings:
 def lane_settings(lane_cv: LaneCvSettings, own: SegmentSettings) -> LaneCvSettings:
     """``lane_cv`` of the finder without a camera file, with what ``own`` states for pictures of masks."""
     pairs = lane_cv.street.pairs.model_copy(update={"line_within": own.line_within})
-    stated = {"pairs": pairs, "searched": own.searched, "pair": own.pair}
+    stated = {"pairs": pairs, "bounded": own.bounded, "searched": own.searched, "pair": own.pair}
     return lane_cv.model_copy(update={"street": lane_cv.street.model_copy(update=stated)})
 
 

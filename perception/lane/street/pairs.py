@@ -249,16 +249,27 @@ def _plain(profile: Profile, left: Boundary, right: Boundary, settings: PairSett
     )
 
 
+def chosen_share(ranked: Sequence[Pair], settings: PairSettings) -> float:
+    """Share of the first pair, and of those at the same place, in the probability of all of them; of none 0."""
+    every = sum(one.probability for one in ranked)
+    return _of_place(ranked[0].left, ranked[0].right, ranked, settings) / every if every else 0.0
+
+
 def _was(left: Boundary, right: Boundary, before: Sequence[Pair], settings: PairSettings) -> float:
     """Probability that these boundaries were the lane of the frame before, and at least ``forget``."""
-    return settings.forget + sum(
+    return settings.forget + _of_place(left, right, before, settings)
+
+
+def _of_place(left: Boundary, right: Boundary, among: Sequence[Pair], settings: PairSettings) -> float:
+    """Probability of the pairs with these boundaries: Σ p·exp(-(Δl² + Δr²)/(2·σ²)) with σ = ``same_place_m``."""
+    return sum(
         one.probability
         * math.exp(
             -0.5
             * ((left.left_m - one.left.left_m) ** 2 + (right.left_m - one.right.left_m) ** 2)
             / settings.same_place_m**2
         )
-        for one in before
+        for one in among
     )
 
 

@@ -112,5 +112,6 @@ class StreetSettings(Settings):
     max_gain: Positive
     search: SearchSettings
     pairs: PairSettings
+    bounded: Share
     searched: SearchedWeights
     pair: StreetWeights

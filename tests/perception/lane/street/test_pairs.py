@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.estimators import lane_cv_settings
-from perception.lane.street.pairs import BoundaryKind, boundaries, kerb_side, pairs
+from perception.lane.street.pairs import BoundaryKind, boundaries, chosen_share, kerb_side, pairs
 from perception.lane.street.profile import Profile, StreetCourse
 
 SETTINGS = lane_cv_settings().street.pairs
@@ -133,3 +133,12 @@ def test_equal_neighbours_are_one_boundary_at_their_middle():
     profile.line[(LEFT_M < 1.86) & (LEFT_M > 1.34)] = 0.8
     (found,) = boundaries(profile, SETTINGS)
     assert found.left_m == pytest.approx(1.6, abs=0.11)
+
+
+def test_of_two_equal_pairs_the_chosen_one_has_half_and_pairs_at_the_same_place_count_together():
+    best = rank_pairs(street([(1.7, 0.8), (-1.7, 0.8)]))[0]
+    beside = replace(best, left=replace(best.left, left_m=best.left.left_m + 3.0))
+    assert chosen_share([best], SETTINGS) == pytest.approx(1.0)
+    assert chosen_share([best, beside], SETTINGS) == pytest.approx(0.5)
+    assert chosen_share([best, best, beside], SETTINGS) == pytest.approx(2 / 3)
+    assert chosen_share([replace(best, probability=0.0)], SETTINGS) == 0.0
