@@ -9,7 +9,6 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 import time
 import tomllib
 from pathlib import Path
@@ -50,6 +49,15 @@ def call(*words: str | Path) -> float:
     return time.monotonic() - started_s
 
 
+def pip_of(minor: int, environment: Path) -> list[str | Path]:
+    """A command of pip in a new environment of Python 3.``minor``; skips the test without that Python."""
+    python = interpreter(minor)
+    if python is None:
+        pytest.skip(f"no Python 3.{minor} on this machine")
+    call(python, "-m", "venv", environment)
+    return [environment / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "--quiet"]
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_wheel(tmp_path_factory.mktemp("dist"))["wheel"]
@@ -57,14 +65,10 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("minor", MINORS)
 def test_the_wheel_drives_in_an_empty_environment(minor: int, wheel: Path, tmp_path: Path) -> None:
-    python = interpreter(minor)
-    if python is None:
-        pytest.skip(f"no Python 3.{minor} on this machine")
     found = Installation(tmp_path / "environment", tmp_path / "empty", tmp_path / "home")
     found.work.mkdir()
     found.home.mkdir()
-    call(python, "-m", "venv", found.environment)
-    pip = [found.environment / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "--quiet"]
+    pip = pip_of(minor, found.environment)
     install_s = call(*pip, "install", wheel)
     lock_step = found.trepid("sim", "run", "straight", "--set", "duration_s=5", "--json", timeout_s=300)
     assert json.loads(lock_step.stdout)["departures"] == 0, lock_step.stderr
@@ -81,7 +85,8 @@ def test_the_wheel_drives_in_an_empty_environment(minor: int, wheel: Path, tmp_p
 def test_the_index_offers_a_wheel_of_every_library_for_aarch64(
     minor: int, wheel: Path, tmp_path: Path
 ) -> None:
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install", "--dry-run"]
+    # By the pip of that Python: the conditions of requirements are those of the Python that runs pip.
+    pip = [*pip_of(minor, tmp_path / "environment"), "install", "--dry-run"]
     options = ["--target", tmp_path / "none", "--only-binary", ":all:", "--python-version", f"3.{minor}"]
     platforms = [word for tag in TAGS for word in ("--platform", f"{tag}_aarch64")]
     libraries = [one for one in PROJECT["dependencies"] if not one.startswith(SOURCES)]
