@@ -1,7 +1,7 @@
 """Straight lines of sight over the ground of a road: what its walls and crests leave free."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -65,30 +65,32 @@ def wall_faces(road: Road) -> tuple[Array, Array]:
     """The faces of all walls of a road, x, y of both ends and the height of the top, (n, 5), and their stations."""
     faces, stations_m = [np.empty((0, 5))], [np.empty(0)]
     for wall in road.settings.walls:
-        if wall.kind is WallKind.TREES:
-            _add_trunks(road, wall, faces, stations_m)
-            continue
-        count = max(math.ceil((wall.to_m - wall.from_m) / WALL_M), 1)
-        stations = np.linspace(wall.from_m, wall.to_m, count + 1)
-        tops_m = road.heights_at((stations[:-1] + stations[1:]) / 2) + wall.tall_m
-        for sign in wall.signs:
-            ends = road.positions(stations, sign * (road.widths_at(stations) / 2 + wall.distance_m))
-            faces.append(np.column_stack([ends[:-1], ends[1:], tops_m]))
-            stations_m.append(stations[:-1])
+        for starts_m, ends_m, corners in _strips(road, wall):
+            tops_m = road.heights_at((starts_m + ends_m) / 2) + wall.tall_m
+            faces.append(np.column_stack([*corners, tops_m]))
+            stations_m.append(starts_m)
     return np.concatenate(faces), np.concatenate(stations_m)
 
 
-def _add_trunks(road: Road, wall: Wall, faces: list[Array], stations_m: list[Array]) -> None:
-    """Two crossed faces of each trunk; crowns are above every line from a lens to the ground near it."""
-    middles, half_m = wall.trunks_m, TRUNK_M / 2
-    tops_m = road.heights_at(middles) + wall.tall_m
+def _strips(road: Road, wall: Wall) -> Iterator[tuple[Array, Array, tuple[Array, Array]]]:
+    """Stations where the upright strips of a wall start and end, and their corners in plan, by side.
+
+    A trunk has two strips that cross; crowns are above every line from a lens to the ground near it.
+    """
+    if wall.kind is WallKind.TREES:
+        half_m = TRUNK_M / 2
+        starts_m, ends_m = wall.trunks_m - half_m, wall.trunks_m + half_m
+        for sign in wall.signs:
+            aside_m = wall.aside_m(road.widths_at(wall.trunks_m), sign)
+            yield starts_m, ends_m, (road.positions(starts_m, aside_m), road.positions(ends_m, aside_m))
+            near, far = (road.positions(wall.trunks_m, aside_m + off_m) for off_m in (-half_m, half_m))
+            yield starts_m, ends_m, (near, far)
+        return
+    count = max(math.ceil((wall.to_m - wall.from_m) / WALL_M), 1)
+    stations = np.linspace(wall.from_m, wall.to_m, count + 1)
     for sign in wall.signs:
-        aside_m = sign * (road.widths_at(middles) / 2 + wall.distance_m)
-        along = road.positions(middles - half_m, aside_m), road.positions(middles + half_m, aside_m)
-        across = road.positions(middles, aside_m - half_m), road.positions(middles, aside_m + half_m)
-        for start, end in (along, across):
-            faces.append(np.column_stack([start, end, tops_m]))
-            stations_m.append(middles)
+        places = road.positions(stations, wall.aside_m(road.widths_at(stations), sign))
+        yield stations[:-1], stations[1:], (places[:-1], places[1:])
 
 
 def box_faces(corners_m: Sequence[tuple[float, float]], top_m: float) -> list[tuple[float, ...]]:

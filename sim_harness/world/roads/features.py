@@ -190,6 +190,10 @@ class Wall(Settings):
         """The sides on which it stands: 1 left, -1 right."""
         return {Side.LEFT: (1,), Side.RIGHT: (-1,), Side.BOTH: (1, -1)}[self.side]
 
+    def aside_m(self, widths_m: Array, sign: int) -> Array:
+        """Offsets of its near face from the middle of a lane of ``widths_m``, on the side ``sign``."""
+        return sign * (widths_m / 2 + self.distance_m)
+
     @property
     def trunks_m(self) -> Array:
         """Stations of the trunks of a row of trees, the middles of equal spaces."""

@@ -102,20 +102,21 @@ class Walls:
 
 def _panels(road: Road, wall: Wall, sign: int, rng: np.random.Generator) -> _Panels:
     if wall.kind is WallKind.TREES:
-        stations = wall.trunks_m
-        count = len(stations)
+        stations, starts, ends = wall.trunks_m, slice(None), slice(None)
     else:
-        count = max(round((wall.to_m - wall.from_m) / PANEL_M[wall.kind]), 1)
-        stations = np.linspace(wall.from_m, wall.to_m, count + 1)
-    places = road.positions(stations, sign * (road.widths_at(stations) / 2 + wall.distance_m))
-    starts, ends = (places, places) if wall.kind is WallKind.TREES else (places[:-1], places[1:])
+        pieces = max(round((wall.to_m - wall.from_m) / PANEL_M[wall.kind]), 1)
+        stations = np.linspace(wall.from_m, wall.to_m, pieces + 1)
+        starts, ends = slice(None, -1), slice(1, None)
+    places = road.positions(stations, wall.aside_m(road.widths_at(stations), sign))
+    ends_m = np.stack([places[starts], places[ends]], axis=1)
+    count = len(ends_m)
     tall = np.full(count, wall.tall_m)
     if wall.kind in RAGGED:
         tall *= 1 + RAGGED[wall.kind] * rng.standard_normal(count).clip(-2, 2)
     groups = FRONT_PANELS if wall.kind is WallKind.HOUSES else 1
     shape = (-(-count // groups), len(BANDS[wall.kind]))
     tints = 1 + VARIES[wall.kind] * rng.uniform(-1, 1, shape)
-    return _Panels(wall.kind, np.stack([starts, ends], axis=1), tall, tints.repeat(groups, axis=0)[:count])
+    return _Panels(wall.kind, ends_m, tall, tints.repeat(groups, axis=0)[:count])
 
 
 Face = tuple[float, list[Pixels], list[tuple[Pixels, tuple[float, ...]]]]
@@ -161,7 +162,7 @@ def _face(panels: _Panels, i: int, view: View, feet_m: Array, away_m: float) -> 
     fills = []
     for band, (_, bgr) in enumerate(bands):
         corners = np.concatenate([pixels[band], pixels[band + 1][::-1]])
-        fills.append((corners, tuple(min(float(panels.tints[i, band]) * c, 255.0) for c in bgr)))
+        fills.append((corners, _tint(bgr, panels.tints[i, band])))
     if panels.kind is WallKind.HOUSES:
         along = feet_m[1] - feet_m[0]
         length_m = float(np.linalg.norm(along)) or 1.0
@@ -190,8 +191,10 @@ def _tree(panels: _Panels, i: int, view: View, foot_m: Array, away_m: float) -> 
         middle_m + half * tall_m * math.cos(t) * across + (1 - low) / 2 * math.sin(t) * up for t in turns
     ]
     outlines = [polygon(view.pixels(np.array(corners_m))[0]) for corners_m in (trunk_m, crown_m)]
-    colours = [
-        tuple(min(float(panels.tints[i, band]) * c, 255.0) for c in bgr)
-        for band, (_, bgr) in enumerate(BANDS[panels.kind])
-    ]
+    bands = zip(BANDS[panels.kind], panels.tints[i], strict=True)
+    colours = [_tint(bgr, tint) for (_, bgr), tint in bands]
     return away_m, outlines, list(zip(outlines, colours, strict=True))
+
+
+def _tint(bgr: tuple[int, int, int], tint: float) -> tuple[float, ...]:
+    return tuple(min(float(tint) * c, 255.0) for c in bgr)
