@@ -18,7 +18,9 @@ The width is not measured, its growth is: a few rows of the picture above the pl
 profile across the vehicle. The profile of a moment ago, stretched about its middle by exp(g·t) and shifted, is
 compared with the present one. Ground, trees and sky beside the vehicle are alike along a row, so that they neither
 grow nor shrink. A vehicle that turns shows its side and gets wider as well, but its profile is no longer like the
-former one.
+former one. A far vehicle is some pixels high, and its place errs by one: the profile is looked for in the rows next
+to it as well. Where no profile is like the former one the bound rises by the greatest acceleration of a vehicle,
+since a vehicle that was slow a moment ago is not fast now.
 
 *Presence.* A detector of single frames, which is unsure of a vehicle right before the car, stays unsure of it as
 long as both stand: the same picture again is no new evidence. A vehicle that was near, and whose profile is still
@@ -48,6 +50,8 @@ ROWS_M = (0.1, 0.6)  # above the place on the road: a bumper, a tailgate, or the
 STRETCHES = np.exp(np.arange(-10, 21) * 0.02)  # within span_s: from 18 % smaller to 49 % larger
 STEADY = np.exp(0.02 * np.arange(-3, 4))
 SHIFTS_M = 0.05 * np.arange(-6, 7)
+ROWS_UP_PX = (0.5, -0.5, 1.0, -1.0)  # of the rows beside those of a place
+COARSE = slice(None, None, 3)  # of the stretches and shifts, to choose among these
 BOUNDS = 5  # frames, over which the median of the bounds is taken
 EVEN = 0.5  # confidence that says nothing for or against a vehicle
 
@@ -59,6 +63,7 @@ class PictureSettings(Settings):
     least_match: OpenShare  # correlation of two profiles of one vehicle
     stretch_sigma: Positive  # standard deviation of the logarithm of a stretch
     sigmas: Positive  # z: the bound is that of a growth less z deviations
+    accel_mps2: Positive  # by which a bound rises while it is not measured
     near_m: Positive  # from the lens: so near a detection that fails is no evidence against a vehicle
     slow_mps: Positive  # own speed, up to which that holds
     sure_s: Positive  # time of sure detections, from which on that holds
@@ -92,13 +97,14 @@ class Pictures:
         self._track: Track | None = None
         self._moments: deque[_Moment] = deque()
         self._bounds_mps: deque[float] = deque(maxlen=BOUNDS)
+        self._most_mps = math.inf
         self._stand: _Stand | None = None
         self._way_m = self._sure_s = 0.0
 
     @property
     def most_mps(self) -> float:
-        """Upper bound of the speed of the leader along the road [m/s]; inf where its growth is not known."""
-        return float(np.median(self._bounds_mps)) if len(self._bounds_mps) == BOUNDS else math.inf
+        """Upper bound of the speed of the leader along the road [m/s]; inf where its growth was never known."""
+        return self._most_mps
 
     def confirm(
         self, detections: Sequence[Detection], image: Image, odometry: Odometry, speed_mps: float
@@ -141,6 +147,7 @@ class Pictures:
             self._track = leader
         if leader is None:
             return
+        self._most_mps += self._settings.accel_mps2 * dt_s
         if math.isnan(speed_mps):
             self._moments.clear()
         else:
@@ -154,11 +161,11 @@ class Pictures:
         profile = view.profile()
         self._sure_s += dt_s
         self._stand = _Stand(odometry.from_vehicle(one.ahead_m, one.left_m), one.width_m, profile)
-        self._grow(view, one.ahead_m - self._camera.x_m, t_s)
+        self._grow(view, image, one, t_s)
         if not math.isnan(speed_mps):
             self._moments.append(_Moment(t_s, profile, view.per_m, self._way_m))
 
-    def _grow(self, view: "_View", depth_m: float, t_s: float) -> None:
+    def _grow(self, view: "_View", image: Image, one: Detection, t_s: float) -> None:
         """Bound the speed by the growth since ``span_s`` ago."""
         settings, moments = self._settings, self._moments
         while len(moments) > 1 and moments[1].t_s <= t_s - settings.span_s:
@@ -170,24 +177,43 @@ class Pictures:
         before = moments[0]
         stretch, match = view.stretch(before.profile, before.per_m, STRETCHES)
         if match < settings.least_match:
+            stretch, match = self._stretch_beside(image, one, before)
+        if match < settings.least_match:
             self._bounds_mps.clear()
             return
         growth_1ps = (stretch - settings.sigmas * settings.stretch_sigma) / span_s
-        own_mps = (self._way_m - before.way_m) / span_s
+        own_mps, depth_m = (self._way_m - before.way_m) / span_s, one.ahead_m - self._camera.x_m
         self._bounds_mps.append(own_mps - growth_1ps * depth_m if growth_1ps > 0.0 else math.inf)
+        if len(self._bounds_mps) == BOUNDS:
+            self._most_mps = float(np.median(self._bounds_mps))
 
-    def _view(self, image: Image, ahead_m: float, left_m: float) -> "_View | None":
-        """The rows of ``image`` at a place on flat ground; None where they are not within it."""
+    def _stretch_beside(self, image: Image, one: Detection, before: _Moment) -> tuple[float, float]:
+        """The logarithm of the stretch in the rows beside those of a place, and its correlation."""
+        views = (self._view(image, one.ahead_m, one.left_m, up_px) for up_px in ROWS_UP_PX)
+        likeness = {
+            view.stretch(before.profile, before.per_m, STRETCHES[COARSE], SHIFTS_M[COARSE])[1]: view
+            for view in views
+            if view is not None
+        }
+        if not likeness:
+            return 0.0, -1.0
+        return likeness[max(likeness)].stretch(before.profile, before.per_m, STRETCHES)
+
+    def _view(self, image: Image, ahead_m: float, left_m: float, up_px: float = 0.0) -> "_View | None":
+        """The rows of ``image`` ``up_px`` above a place on flat ground; None where they are not within it."""
         depth_m = ahead_m - self._camera.x_m
         if depth_m <= 0.0:
             return None
         column, row = self._camera.pixel_from_road([(ahead_m, left_m)])[0].tolist()
         per_m = self._camera.fx_px / depth_m
-        last = round(row - ROWS_M[0] * per_m)
-        first = min(round(row - ROWS_M[1] * per_m), last - 2)
-        if not 0 <= first < last <= image.shape[0]:
+        last = row - up_px - ROWS_M[0] * per_m
+        first = min(row - up_px - ROWS_M[1] * per_m, last - 2.0)
+        if not 0.0 <= first < last <= image.shape[0] - 1:
             return None
-        return _View(image[first:last].mean(axis=0).T, column, per_m)
+        rows = np.arange(math.floor(first + 0.5), math.ceil(last + 0.5))
+        share = np.minimum(rows + 0.5, last) - np.maximum(rows - 0.5, first)  # of a row between both ends
+        colours = np.tensordot(share / share.sum(), image[rows], axes=1)
+        return _View(colours.T, column, per_m)
 
 
 def _shows(one: Detection, ahead_m: float, left_m: float) -> bool:
@@ -207,13 +233,15 @@ class _View(NamedTuple):
         """The profile at this distance."""
         return self._sample_profiles(np.ones(1), np.zeros(1), self.per_m)[0, 0]
 
-    def stretch(self, profile: Profile, per_m: float, stretches: Floats) -> tuple[float, float]:
+    def stretch(
+        self, profile: Profile, per_m: float, stretches: Floats, shifts_m: Floats = SHIFTS_M
+    ) -> tuple[float, float]:
         """The logarithm of the stretch of ``profile`` that fits best, and the correlation.
 
         ``profile`` was taken with ``per_m`` pixels a metre. The logarithm is that of the vertex of the parabola
         through the best of ``stretches``, a geometric series, and its neighbours.
         """
-        sampled = self._sample_profiles(stretches, SHIFTS_M, per_m)
+        sampled = self._sample_profiles(stretches, shifts_m, per_m)
         size = np.sqrt((profile**2).sum() * (sampled**2).sum(axis=(2, 3)))
         match = ((sampled * profile).sum(axis=(2, 3)) / np.maximum(size, 1e-9)).max(axis=1)
         best = int(match.argmax())

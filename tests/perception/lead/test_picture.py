@@ -110,6 +110,34 @@ def test_a_vehicle_that_shows_its_side_gets_no_bound_by_the_growth_of_it() -> No
     assert pictures.most_mps == math.inf
 
 
+def test_a_place_that_is_wrong_by_a_row_leaves_the_bound_of_a_far_vehicle() -> None:
+    noise = iter(np.random.default_rng(5).choice([-1, 0, 1], 100))
+
+    def draw_astray(at: Detection, true_m: float) -> Image:
+        """A car with other colours in every row."""
+        image = picture(at, true_m)
+        _, row = CAMERA.pixel_from_road([(at.ahead_m, at.left_m)])[0]
+        for up in range(1, 7):
+            image[round(row) - up, :] = np.roll(image[round(row) - up, :], up, axis=1)
+        return np.roll(image, next(noise), axis=0)
+
+    pictures = follow_pictures(lambda t_s: 45.0 - 8.0 * t_s, lambda t_s: 20.0, 8.0, draw=draw_astray)
+    assert 0.0 <= pictures.most_mps < 7.0
+
+
+def test_a_bound_that_is_no_longer_measured_rises_by_the_acceleration_of_a_vehicle() -> None:
+    rng = np.random.default_rng(7)
+
+    def draw(at: Detection, true_m: float) -> Image:
+        image = picture(at, true_m)
+        return image if true_m > 36.0 else rng.integers(0, 255, image.shape, np.uint8)
+
+    measured = follow_pictures(lambda t_s: 45.0 - 8.0 * t_s, lambda t_s: 20.0, 8.0, seconds=1.12, draw=draw)
+    later = follow_pictures(lambda t_s: 45.0 - 8.0 * t_s, lambda t_s: 20.0, 8.0, seconds=1.92, draw=draw)
+    risen_mps = SETTINGS.picture.accel_mps2 * 0.8
+    assert later.most_mps == pytest.approx(measured.most_mps + risen_mps, abs=1e-6)
+
+
 def test_without_the_own_speed_there_is_no_bound() -> None:
     assert follow_pictures(lambda t_s: 45.0 - 8.0 * t_s, lambda t_s: 20.0, math.nan).most_mps == math.inf
 
