@@ -1,10 +1,10 @@
 """A crest: the ground ends below the horizon of the camera, and stays there while the car drives on.
 
-In every frame the lowest row is looked for in which the light steps on the road and on both sides of it: the
-end of the ground. On a flat road it is the horizon. The dip of the row below the horizon is that of flat ground
-at the distance D. Paint, shadows and joints across the road step as well, but they approach by the way s that
-the car drives: ρ = -dD/ds is 1. At a crest of radius R that begins x₀ ahead, the ray that touches it h below
-the lens does so at
+In every frame the lowest row is looked for in which the light steps on the road and on both sides of it, in any
+colour, since grass may be as light as the hills beyond it: the end of the ground. On a flat road it is the horizon.
+The dip of the row below the horizon is that of flat ground at the distance D. Paint, shadows and joints across the
+road step as well, but they approach by the way s that the car drives: ρ = -dD/ds is 1. At a crest of radius R that
+begins x₀ ahead, the ray that touches it h below the lens does so at
 
     x = √(x₀² + 2·R·h),    D = (x + x₀)/2,    ρ = (1 + x₀/x)/2
 
@@ -79,30 +79,33 @@ class GroundEnd:
         """Whether the image shows ground from the horizon on."""
         return bool(self._is_texture.sum() > 8 and self._drop_px[0] < 0)
 
-    def ahead_m(self, grey: Image, path: Path) -> float | None:
+    def ahead_m(self, image: Image, path: Path) -> float | None:
         """Distance [m] from the lens of flat ground in the row where the ground ends; None: at the horizon."""
         if not self.is_usable:
             return None
         settings, camera = self._settings, self._camera
-        light = self._light(grey, path)
+        light = self._light(image, path)
         steps = np.full(light.shape, np.nan)
-        inner = slice(STEPS_PX, -STEPS_PX)
-        steps[:, inner] = (light[:, :-4] + light[:, 1:-3] - light[:, 3:-1] - light[:, 4:]) / 2
+        steps[..., STEPS_PX:-STEPS_PX] = (
+            light[..., :-4] + light[..., 1:-3] - light[..., 3:-1] - light[..., 4:]
+        ) / 2
         size = np.abs(steps)
-        texture = [row[~np.isnan(row)] for row in size[:, self._drop_px > EDGE_PX]]
-        if not all(map(len, texture)):
+        texture = size[..., self._drop_px > EDGE_PX]
+        known = ~np.isnan(texture)
+        if not known.any(axis=-1).all():
             return None
-        usual = SIGMA_OF_MEDIAN * np.array(
-            [np.partition(row, len(row) // 2)[len(row) // 2] for row in texture]
+        ranked, middle = np.sort(texture, axis=-1), known.sum(axis=-1, keepdims=True) // 2  # NaN are last
+        usual = SIGMA_OF_MEDIAN * np.take_along_axis(ranked, middle, axis=-1)
+        clear = np.nan_to_num(size / np.maximum(settings.step_sigmas * usual, settings.least_step)).max(
+            axis=0
         )
-        clear = np.maximum(settings.step_sigmas * usual, settings.least_step)[:, None]
-        found = np.flatnonzero((size >= clear).all(axis=0) & ~self._is_texture)  # NaN is not
+        found = np.flatnonzero((clear >= 1.0).all(axis=0) & ~self._is_texture)
         if len(found) == 0:
             return None
         rows = found[found > found[-1] - EDGE_PX]  # of the lowest edge; trees and sky step above it
         if self._goes_on(light, int(rows[0]), int(rows[-1])):
             return None
-        weight = size[:, rows].mean(axis=0)
+        weight = clear[:, rows].mean(axis=0)
         drop_px = float(weight @ self._drop_px[rows] / weight.sum())
         below = math.atan((camera.horizon_row_px + drop_px - camera.cy_px) / camera.fy_px)
         dip_rad = camera.pitch_down_rad + below
@@ -113,26 +116,30 @@ class GroundEnd:
 
         So they do beyond a shadow or a crossing road.
         """
-        before = np.median(light[:, last + STEPS_PX + 1 : last + STEPS_PX + 1 + BEFORE_PX], axis=1)
-        beyond = light[:, (self._drop_px > 1) & (np.arange(len(self._rows)) < first - STEPS_PX)]
-        alike = np.abs(beyond - before[:, None]) < self._settings.least_step
-        return bool(alike.all(axis=0).any())
+        before = np.median(light[..., last + STEPS_PX + 1 : last + STEPS_PX + 1 + BEFORE_PX], axis=-1)
+        beyond = light[..., (self._drop_px > 1) & (np.arange(len(self._rows)) < first - STEPS_PX)]
+        alike = np.abs(beyond - before[..., None]) < self._settings.least_step
+        return bool(alike.all(axis=(0, 1)).any())
 
-    def _light(self, grey: Image, path: Path) -> Array:
-        """Mean logarithm of the light left of the lane, on it and right of it, (3, rows); NaN: not in the image."""
-        rows = np.asarray(cv2.LUT(grey[self._rows[0] : self._rows[-1] + 1], LOG_LIGHT), np.float32)
-        sums = np.diff(cv2.integral(rows, sdepth=cv2.CV_64F), axis=0)
+    def _light(self, image: Image, path: Path) -> Array:
+        """Mean logarithm of the light left of the lane, on it and right of it, in every channel.
+
+        Shape (channels, 3, rows); NaN: not in the image.
+        """
+        rows = np.asarray(cv2.LUT(image[self._rows[0] : self._rows[-1] + 1], LOG_LIGHT), np.float32)
+        rows = rows.reshape(*rows.shape[:2], -1)
+        sums = np.atleast_3d(cv2.integral(rows, sdepth=cv2.CV_64F))
         columns = np.nan_to_num(path.column_at(self._ahead_m + self._camera.x_m), nan=self._camera.cx_px)
         left, right = columns + self._left_px, columns + self._right_px
         short = np.maximum(LEAST_PX - (right - left), 0.0) / 2
-        width = grey.shape[1]
+        width = image.shape[1]
         first = np.clip(np.floor(left - short), 0, width).astype(int)
         last = np.clip(np.floor(right + short), 0, width).astype(int)
-        count = last - first
+        count = (last - first)[..., None]
         at = np.arange(len(self._rows))
-        return np.where(
-            count >= LEAST_PX // 2, (sums[at, last] - sums[at, first]) / np.maximum(count, 1), np.nan
-        )
+        inside = sums[at + 1, last] - sums[at, last] - sums[at + 1, first] + sums[at, first]
+        means = inside / np.maximum(count, 1)
+        return np.moveaxis(np.where(count >= LEAST_PX // 2, means, np.nan), -1, 0)
 
 
 class CrestFinder:
@@ -144,11 +151,13 @@ class CrestFinder:
         self._ends: deque[End] = deque()
         self._frames: deque[float] = deque()  # times of all frames looked at
         self._way_m, self._t_s = 0.0, -math.inf
+        self._found_m, self._found_s = math.inf, -math.inf  # the last sight that was found
 
     def step(self, ahead_m: float | None, speed_mps: float | None, t_s: float) -> float | None:
         """Sight [m] from the lens up to a crest; None without one.
 
-        ``ahead_m``: the end of the ground in the frame of ``t_s``, as of :meth:`GroundEnd.ahead_m`. Without a known
+        ``ahead_m``: the end of the ground in the frame of ``t_s``, as of :meth:`GroundEnd.ahead_m`. A crest that is
+        no longer found counts for ``memory_s``: the ground does not change, trees behind it do. Without a known
         speed the result is None, and the frames before no longer count.
         """
         settings, dt_s = self._settings, t_s - self._t_s
@@ -156,8 +165,17 @@ class CrestFinder:
         if speed_mps is None or not math.isfinite(speed_mps) or not 0.0 <= dt_s <= settings.memory_s:
             self._ends.clear()
             self._frames.clear()
+            self._found_s = -math.inf
             return None
-        self._way_m += speed_mps * dt_s
+        found_m = self._find(ahead_m, speed_mps * dt_s, t_s)
+        if found_m is not None:
+            self._found_m, self._found_s = found_m, t_s
+        return self._found_m if t_s - self._found_s <= settings.memory_s else None
+
+    def _find(self, ahead_m: float | None, gone_m: float, t_s: float) -> float | None:
+        """The sight by the ends of the ground up to now; ``gone_m``: driven since the frame before."""
+        settings = self._settings
+        self._way_m += gone_m
         self._frames.append(t_s)
         if ahead_m is not None:
             self._ends.append(End(t_s, self._way_m, ahead_m))

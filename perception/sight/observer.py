@@ -151,7 +151,7 @@ class SightObserver:
         """
         if self._crest is None or lit is Lighting.LAMPS:
             return math.inf
-        end_m = view.eye.ground_end.ahead_m(view.grey, view.path)
+        end_m = view.eye.ground_end.ahead_m(view.image, view.path)
         crest_m = self._crest.step(end_m, None if state is None else state.speed_mps, t_s)
         return math.inf if crest_m is None else crest_m
 

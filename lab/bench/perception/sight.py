@@ -38,7 +38,7 @@ from trepid.messages import Frame, ImageStatistics, SteeringEstimate, VehicleSta
 from trepid.types import Array
 
 PERIOD_S = 0.04
-WARM_UP, SCORED = 24, 4  # frames: the crest finder needs 0.8 s
+WARM_UP, SCORED = 45, 4  # frames: the crest finder looks at the last 1.2 s, what is shown follows by 0.3 s
 STEP = 3  # scored frames are this many frames apart
 # Drives of each kind; of the others, of each grade.
 DRIVES = {"clear": 12, "crest": 8, "dip": 8, "wall": 8, "truck": 10}

@@ -107,6 +107,36 @@ def test_the_row_in_which_the_ground_ends_is_that_of_flat_ground_at_its_distance
     assert found_m == pytest.approx(flat_m, rel=0.12)
 
 
+@pytest.mark.parametrize("dip_px", [6.0, 13.0])
+def test_ground_ends_where_only_its_colour_does(dip_px: float) -> None:
+    """Grass before blue hills of the same brightness."""
+    weights = np.array([0.114, 0.587, 0.299])  # of blue, green, red in grey
+    grass, hills = np.array([60.0, 120.0, 110.0]), np.array([150.0, 105.0, 105.0])
+    hills *= (weights @ grass) / (weights @ hills)
+    rows = np.arange(CAMERA.height_px)[:, None, None] - CAMERA.horizon_row_px
+    noise = np.random.default_rng(3).normal(0, 3, (CAMERA.height_px, CAMERA.width_px, 1))
+    image = np.clip(np.where(rows > dip_px, grass, hills) + noise, 0, 255).astype(np.uint8)
+    path = path_of(None, CAMERA.pixel_from_road_matrix, reach_m=300.0, known_m=30.0)
+    ground_end = GroundEnd(CAMERA, SETTINGS.crest)
+    flat_m = CAMERA.road_from_pixel([(CAMERA.cx_px, CAMERA.horizon_row_px + dip_px)])[0, 0] - CAMERA.x_m
+    assert ground_end.ahead_m(image, path) == pytest.approx(flat_m, rel=0.12)
+    grey = image @ weights
+    assert ground_end.ahead_m(grey.astype(np.uint8), path) is None
+
+
+def test_a_crest_that_is_no_longer_found_counts_for_a_moment() -> None:
+    finder, crest = CrestFinder(SETTINGS.crest, HEIGHT_M), over_a_crest(400.0, 0.0)
+    true_m = math.sqrt(800 * HEIGHT_M)
+    seen_m = {}
+    for number in range(100):
+        t_s = number * PERIOD_S
+        seen_m[number] = finder.step(crest(10.0 * t_s) if number < 40 else None, 10.0, t_s)
+    shown = [number for number, at_m in seen_m.items() if number >= 40 and at_m is not None]
+    assert [seen_m[number] for number in shown] == pytest.approx([true_m] * len(shown))
+    lasts_s = (max(shown) - 39) * PERIOD_S
+    assert SETTINGS.crest.memory_s <= lasts_s <= 2 * SETTINGS.crest.memory_s
+
+
 def test_a_shadow_across_road_and_verges_is_no_end_of_the_ground() -> None:
     image = ends_at(0.5).astype(float)
     horizon = CAMERA.horizon_row_px
