@@ -46,7 +46,7 @@ CLOSURES = {
         "import perception.node\nfrom perception.estimators import build\nassert build('cv')",
         {"perception"},
         47,
-        4_780,
+        4_785,
     ),
     "cv, which judges the image": Closure(
         "import perception.node\n"
@@ -55,25 +55,25 @@ CLOSURES = {
         "assert build('cv') and build_judge()",
         {"perception"},
         59,
-        6_105,
+        6_115,
     ),
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
         {"perception"},
         40,
-        4_180,
+        4_185,
     ),
     "segments": Closure(
         "import perception.node, perception.segments.estimator",
         {"perception"},
         55,
-        5_190,
+        5_200,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
         {"perception"},
         53,
-        5_535,
+        5_540,
     ),
     "supervisor": Closure(
         "import supervisor.node\n"
@@ -121,7 +121,7 @@ WHOLE_CAR = Closure(
     "\n".join([*(one.statements for one in CLOSURES.values()), DRIVERS]),
     {"perception", "supervisor", "controller", "vehicle", "drive", "cockpit.page"},
     232,
-    24_480,
+    24_490,
 )
 """All of a car: launcher, every node, every driver of cameras, actuators and driver input, bridge to ROS 2."""
 

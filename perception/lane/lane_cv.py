@@ -30,7 +30,7 @@ from perception.lane.model.evidence import LaneFit
 from perception.lane.model.geometry import WIDTH, LaneState
 from perception.lane.model.lane_in_road import one_lane_probability
 from perception.lane.model.paths import boundary_paths, known_reach_m
-from perception.lane.model.prediction import VehicleMotion, unseen_variance_m2
+from perception.lane.model.prediction import VehicleMotion, grade_variance_m2, unseen_variance_m2
 from perception.lane.rating import Features, Rating
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import ViewTables, make_view, unusable
@@ -170,11 +170,14 @@ def lane_estimate(
 ) -> SteeringEstimate:
     """The estimate for ``lane`` at ``t_s``, with its boundaries in the image of ``camera``.
 
-    Pixels support the lane up to ``end_m``; beyond it the deviation grows by :func:`unseen_variance_m2`.
+    Pixels support the lane up to ``end_m``; beyond it the deviation grows by :func:`unseen_variance_m2`, and
+    everywhere by :func:`grade_variance_m2`.
     """
     clothoid, lookahead_m = lane.clothoid, settings.steering.lookahead_m
     reach_m = known_reach_m(lane, settings.drawn_reach_m, settings.evidence.drawn_sigma_m)
-    unseen_m2 = unseen_variance_m2(np.array(SIGMA_AHEAD_M), end_m, settings.track)
+    ahead_m = np.array(SIGMA_AHEAD_M)
+    unseen_m2 = unseen_variance_m2(ahead_m, end_m, settings.track)
+    unseen_m2 += grade_variance_m2(ahead_m, clothoid, camera, settings.track)
     left, right = boundary_paths(lane, camera, reach_m=reach_m)
     return SteeringEstimate(
         t_s=t_s,

@@ -8,10 +8,11 @@ from pydantic import Field
 
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, PITCH, PSI, E, LaneState
 from perception.lane.model.prior import PriorSettings
-from trepid.clothoid import advance_clothoid
+from trepid.car.camera import Camera
+from trepid.clothoid import Lane, advance_clothoid
 from trepid.config import Settings
 from trepid.messages import VehicleState
-from trepid.types import Array, Positive, PositiveShare, Share
+from trepid.types import Array, NonNegative, Positive, PositiveShare, Share
 
 MAX_SPEED_MPS = (
     100.0  # a state beyond it, or beyond the next one, is none (supervisor.yaml has the same limits)
@@ -50,6 +51,7 @@ class TrackSettings(Settings):
     second_lines: Annotated[float, Field(ge=1)]
     second_gate_m: Positive
     second_enough: PositiveShare
+    vertical_curvature_1pm: NonNegative
 
 
 class VehicleMotion(NamedTuple):
@@ -119,6 +121,20 @@ def unseen_variance_m2(ahead_m: Array, end_m: float, track: TrackSettings) -> Ar
     """
     beyond_m = np.maximum(ahead_m - end_m, 0.0)
     return np.asarray(track.curvature_rate_noise_1pm2_per_sqrt_m**2 * beyond_m**7 / 252)
+
+
+def grade_variance_m2(ahead_m: Array, lane: Lane, camera: Camera, track: TrackSettings) -> Array:
+    """Variance [m²] of the place of ``lane`` at ``ahead_m``, because the ground ahead may rise or fall.
+
+    On ground of the vertical curvature κ_v a point x from the lens is κ_v·x²/2 high, and with the height H of the
+    lens it has the pixel of flat ground at s·x, s·y, s - 1 = κ_v·x²/(2·H). The lane y(x), as it is seen from the
+    lens, moves by (s - 1)·(y - x·y') there; κ_v has the deviation ``vertical_curvature_1pm``. A straight lane that
+    the lens is in the middle of stays where it is on every hill.
+    """
+    x_m = np.maximum(ahead_m - camera.x_m, 0.0)
+    slope = np.array([lane.slope_at(at_m) for at_m in ahead_m])
+    aside_m = np.array([lane.y_m(at_m) for at_m in ahead_m]) - camera.y_m - x_m * slope
+    return np.asarray((track.vertical_curvature_1pm * x_m**2 / (2 * camera.height_m) * aside_m) ** 2)
 
 
 def steady(lane: LaneState) -> LaneState:

@@ -5,7 +5,16 @@ import pytest
 
 from perception.estimators import lane_cv_settings
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, PSI, E, LaneState
-from perception.lane.model.prediction import VehicleMotion, predict, steady, unseen_variance_m2
+from perception.lane.model.prediction import (
+    VehicleMotion,
+    grade_variance_m2,
+    predict,
+    steady,
+    unseen_variance_m2,
+)
+from trepid.car.camera import Camera
+from trepid.clothoid import Lane
+from trepid.config import CONFIG_DIR, load
 from trepid.messages import VehicleState
 
 SETTINGS = lane_cv_settings()
@@ -62,3 +71,27 @@ def test_beyond_the_last_pixel_the_variance_is_that_of_a_road_whose_curvature_ra
         covariance = walk @ covariance @ walk.T + noise
     found = unseen_variance_m2(np.array([12.0, 12.0 + beyond_m]), 12.0, SETTINGS.track)
     assert found == pytest.approx([0.0, covariance[0, 0]], rel=0.02)
+
+
+@pytest.mark.parametrize("bend_1pm", [-0.01, 0.0, 0.004])
+@pytest.mark.parametrize("offset_m", [-0.8, 0.5])
+def test_a_lane_on_rising_ground_appears_off_by_the_deviation_for_an_unknown_grade(bend_1pm, offset_m):
+    camera, lane_of_flat = load(CONFIG_DIR / "camera.yaml", Camera), Lane(offset_m, 0.03, bend_1pm, 1e-4)
+    rising_1pm = SETTINGS.track.vertical_curvature_1pm / 100
+    # Rays from the lens through points of the lane on the risen ground meet the flat ground farther away.
+    x_m = np.linspace(camera.x_m, 35.0, 4000)
+    y_m = np.array([lane_of_flat.y_m(at_m) for at_m in x_m])
+    up_m = rising_1pm * (x_m - camera.x_m) ** 2 / 2
+    farther = camera.height_m / (camera.height_m - up_m)
+    seen_x_m = camera.x_m + (x_m - camera.x_m) * farther
+    seen_y_m = camera.y_m + (y_m - camera.y_m) * farther
+    ahead_m = np.array([10.0, 20.0])
+    off_m = np.interp(ahead_m, seen_x_m, seen_y_m) - np.interp(ahead_m, x_m, y_m)
+    found_m = np.sqrt(grade_variance_m2(ahead_m, lane_of_flat, camera, SETTINGS.track))
+    assert 100 * np.abs(off_m) == pytest.approx(found_m, rel=0.03)
+
+
+def test_a_straight_lane_under_the_lens_is_where_it_seems_on_every_hill():
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    middle = Lane(-camera.y_m, 0.0, 0.0, 0.0)
+    assert grade_variance_m2(np.array([5.0, 40.0]), middle, camera, SETTINGS.track) == pytest.approx(0.0)
