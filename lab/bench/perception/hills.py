@@ -19,7 +19,7 @@ import numpy as np
 
 from lab.bench.drawn_cases import drawn_scenario
 from perception.estimators import entry_of
-from sim_harness.lockstep.closed_loop import run
+from sim_harness.lockstep.closed_loop import Instant, run
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.sweep.store import Row, stored_rows
 from sim_harness.world.render.renderer import Renderer
@@ -40,6 +40,7 @@ STOPS, QUICK_STOPS = 100, 5
 AHEAD_M, SURE = 15.0, 0.5
 STEP_S, SPEED_MPS, WARM_UP_S, DRIVEN_S = 0.04, 6.0, 0.6, 6.0
 FIRST_M = 15.0
+WAITING_S, STANDING_MPS = 10.0, 0.05  # of a car before a vehicle that it stopped for
 GRADES, ROOF_M = (0.03, 0.12), 1.48  # of both sides of a crest; of a standing car
 KINDS = (MarkingKind.WHITE, MarkingKind.DASHED, MarkingKind.YELLOW, MarkingKind.MULTI_LANE)
 SHAPES = (BendShape.STRAIGHT, BendShape.BEND)
@@ -180,13 +181,26 @@ def true_lane_ahead_m(
 def _stop(drive: Drive) -> Row:
     rng = np.random.default_rng((drive.seed, 533, drive.number))
     scenario, seed = crest_case(rng), int(rng.integers(2**31))
-    metrics = run(scenario, seed=seed).metrics
+    metrics = run(scenario, seed=seed, until=_Waiting()).metrics
     return {
         "collisions": metrics.collisions,
         "departures": metrics.departures,
         "max_decel_mps2": metrics.max_decel_mps2,
         "set_mps": scenario.speed_mps,
     }
+
+
+class _Waiting:
+    """Whether a car that has driven stands for WAITING_S: what it may do next is to creep on."""
+
+    def __init__(self) -> None:
+        self._moved_s = math.inf
+
+    def __call__(self, now: Instant) -> bool:
+        speed_mps = now.truth.speed_mps  # None after a contact
+        if speed_mps is not None and abs(speed_mps) > STANDING_MPS:
+            self._moved_s = now.now_s
+        return now.now_s > self._moved_s + WAITING_S
 
 
 def crest_case(rng: np.random.Generator) -> Scenario:
