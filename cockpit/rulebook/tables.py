@@ -183,7 +183,9 @@ def _delays(modes: ModeSettings, rules: FearRules) -> list[tuple[str, str, str, 
 def _condition(doubt: Doubt) -> str:
     if doubt in DOUBTS:
         return doubt.name
-    return f"fear because of `{doubt.name}`" + (" on the move" if doubt.effect is Effect.EMERGENCY else "")
+    return f"fear because of `{doubt.name}`" + (
+        " on the move without a driver" if doubt.effect is Effect.EMERGENCY else ""
+    )
 
 
 def _limits(settings: SupervisorSettings, rules: FearRules) -> str:

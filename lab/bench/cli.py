@@ -75,7 +75,7 @@ def bench(
         typer.Option(
             min=1,
             help="perception, imitation, fear-severity, sight, within-sight, people, tracks, tiles, hills, "
-            "junctions, "
+            "junctions, resimulation, "
             "measured-faults, study-samplers, study-areas, study-shrinking, study-conditions, study-rules, "
             "suite: processes; faults: drives; default: 1, suite 2.",
         ),

@@ -7,8 +7,9 @@ heading ψ relative to it:
 
 with κ of the plant under the commands of the stack and the yaw rate ψ'_rec of the recorded car, measured in the
 images. Each frame is the last recorded one, reprojected to the pose of the simulated car. The speed is that of the
-recording, so only the steering is judged. For the first RUN_UP_S a driver drives, until the supervisor may take
-over.
+recording, so only the steering is judged. A driver drives for the first RUN_UP_S, and on until the supervisor says
+that it is ready. When the car stops, the driver takes over, returns to the recorded path as e·exp(-t/RETURN_S), and
+begins a new drive, because the recording does not stand still (:mod:`.driver`).
 """
 
 import math
@@ -26,6 +27,7 @@ from perception.camera.odometry import StateOdometry
 from perception.estimators import Estimator, build_beside
 from perception.sight.judge import build as build_judge
 from sim_harness.footage.clip import ClipFrames
+from sim_harness.footage.driver import SafetyDriver
 from sim_harness.footage.reprojection import PoseChange, Reprojection
 from sim_harness.lockstep.stack import Perception, Stack
 from sim_harness.world.plants.build import build_plant
@@ -35,7 +37,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.causes import Cause
 from trepid.config import InputError
 from trepid.messages import Command, Frame, Mode, SteeringEstimate, VehicleState
-from trepid.types import Array, Image
+from trepid.types import Array, Image, Mask
 
 PERIOD_S = 0.01  # of the vehicle; as in lock-step
 CONTROL_TICKS = 2
@@ -46,13 +48,15 @@ LATENCY_S = 0.02  # capture to estimate; as in lock-step
 RUN_UP_S = 2.2  # a driver must have driven for 2 s before the supervisor takes over (supervisor.yaml)
 SUPERVISED = ("cv", "cnn")  # estimators of the default drive
 INTERVENTION_M = 1.0  # Bojarski et al., section 7
-LEAST_S = 0.5  # after the hand-over
+LEAST_S = 0.5  # after the run-up
+RETURN_S = 1.0  # of a driver who has taken over, to the recorded path
+STAYS = math.exp(-PERIOD_S / RETURN_S)  # of the distance from it, in a period
 HOME_M = 0.2  # within this distance of the unshifted run the car has returned
 
 
 @dataclass(frozen=True)
 class Resimulation:
-    """One run: a sample per frame from the hand-over on, and the results."""
+    """One run: a sample per frame from the end of the run-up on, and the results."""
 
     t_s: Array
     offset_m: Array  # of the car from the recorded path, + = left
@@ -61,13 +65,23 @@ class Resimulation:
     unseen: Array  # share of the pixels outside the recorded image
     fear: Array
     interventions: int
-    engaged_share: float  # of the frames in modes other than STOP
+    engaged: Mask  # by frame: the car drives
     causes: tuple[str, ...]  # of fear, by frame
 
     @property
     def duration_s(self) -> float:
-        """From the hand-over to the end."""
+        """From the run-up to the end."""
         return float(self.t_s[-1] - self.t_s[0])
+
+    @property
+    def engaged_share(self) -> float:
+        """Share of the frames in which the car drives."""
+        return float(np.mean(self.engaged))
+
+    @property
+    def stops(self) -> int:
+        """How often a driver has taken over because the car stopped."""
+        return int(np.count_nonzero(self.engaged[:-1] & ~self.engaged[1:]))
 
     @property
     def autonomy_percent(self) -> float | None:
@@ -87,6 +101,15 @@ class Resimulation:
         last = np.flatnonzero(off)[-1] + 1 if off.any() else 0
         return float(self.t_s[last] - self.t_s[0])
 
+    @property
+    def _rms_m(self) -> float | None:
+        """Rms distance [m] from the recorded path of the car that drives; None where it never does."""
+        return (
+            round(float(np.sqrt(np.mean(self.offset_m[self.engaged] ** 2))), 3)
+            if self.engaged.any()
+            else None
+        )
+
     def row(self) -> dict[str, object]:
         """The run as JSON."""
         tail = self.t_s > self.t_s[-1] - 2.0
@@ -96,8 +119,9 @@ class Resimulation:
             "start_heading_rad": round(float(self.heading_rad[0]), 4),
             "end_offset_m": round(float(self.offset_m[tail].mean()), 3),  # mean of the last 2 s
             "max_offset_m": round(float(np.abs(self.offset_m).max()), 3),
-            "rms_offset_m": round(float(np.sqrt(np.mean(self.offset_m**2))), 3),
+            "rms_offset_m": self._rms_m,
             "interventions": self.interventions,
+            "stops": self.stops,
             "autonomy_percent": None if self.autonomy_percent is None else round(self.autonomy_percent, 1),
             "engaged_percent": round(100.0 * self.engaged_share, 1),
             "lane_seen_percent": round(100.0 * float(np.isfinite(self.seen_m).mean()), 1),
@@ -144,34 +168,39 @@ class _Loop:
         run_up_s: float,
         assumed: bool,
     ) -> None:
-        self._drive, self._start = drive, start
+        self._drive, self._vehicle, self._place, self._returns = drive, vehicle, start, False
         self._stations_m = drive.station_m
         self._yaw_rates_radps = drive.yaw_rates_radps
         self._yaws_rad = cumulative_trapezoid(self._yaw_rates_radps, drive.t_s, initial=0.0)
         self._reprojection = Reprojection(drive.camera)
         self._estimators = estimators
         self._judge = build_judge(drive.camera, vehicle, assumed=assumed)
-        self._stack = Stack(
-            supervisor.supervisor.build(cruise_speed_mps=float(drive.speed_mps.max())),
-            controller.controller.build(vehicle),
-            estimators,
-            idle_period_s=None,
-        )
+        self._driver = SafetyDriver(run_up_s)
+        self._begin_drive()
         self._limiter = controller.limiter.build(vehicle)
         self._plant: Plant = build_plant(PlantSettings(), vehicle)
-        self._hand_over_s = run_up_s
+        self._run_up_s = run_up_s
         self._state = self._plant.initial(0.0, start.left_m, start.yaw_rad, float(drive.speed_mps[0]))
         self._interventions = 0
         self._rows: list[tuple[float, ...]] = []
         self._engaged: list[bool] = []
         self._causes: list[str] = []
 
+    def _begin_drive(self) -> None:
+        """A new supervisor, which starts in STOP, and a new controller."""
+        self._stack = Stack(
+            supervisor.supervisor.build(cruise_speed_mps=float(self._drive.speed_mps.max())),
+            controller.controller.build(self._vehicle),
+            self._estimators,
+            idle_period_s=None,
+        )
+
     def run(self) -> Resimulation:
         """Simulate all frames."""
-        stack = self._stack
         for tick in range(math.floor(self._drive.t_s[-1] / PERIOD_S) + 1):
             now_s = tick * PERIOD_S
-            driven = now_s < self._hand_over_s
+            self._change_driver(now_s)
+            stack, driven = self._stack, self._driver.drives
             state = self._vehicle_state(now_s, driven=driven)
             if tick % CAMERA_TICKS == 0:
                 image, unseen = self._view(now_s)
@@ -182,13 +211,22 @@ class _Loop:
                 lane = next(iter(stack.estimates.values()), None)  # of the frame before
                 statistics = self._judge.step(frame, lane, state, now_s=now_s)
                 stack.send(Perception(now_s + LATENCY_S, estimates, statistics, None))
-                if not driven:
+                if now_s >= self._run_up_s:
                     surest = max(estimates.values(), key=lambda estimate: estimate.confidence)
                     self._note(now_s, surest, unseen)
             stack.step(state, command_due=tick % CONTROL_TICKS == 0, now_s=now_s)
             applied = self._limiter.step(stack.command, stack.commanded_s, state, now_s=now_s)
             self._advance(applied, now_s, driven=driven)
         return self._result()
+
+    def _change_driver(self, now_s: float) -> None:
+        """Let the driver hand over or take over; who takes over from a car that drove begins a new drive."""
+        drove, decision = not self._driver.drives, self._stack.decision
+        if self._driver.step(decision, now_s=now_s) and drove:
+            self._place = PoseChange(left_m=self._state.y_m, yaw_rad=self._state.yaw_rad)
+            self._returns = True
+            if decision is not None and decision.cause != Cause.STARTING:
+                self._begin_drive()
 
     def _view(self, now_s: float) -> tuple[Image, float]:
         """The last recorded frame, reprojected to the present station, and its share of unrecorded pixels."""
@@ -220,10 +258,14 @@ class _Loop:
         speed_mps = float(np.interp(now_s, self._drive.t_s, self._drive.speed_mps))
         turned_rad = PERIOD_S * float(np.interp(now_s, self._drive.t_s, self._yaw_rates_radps))
         held = replace(self._state, speed_mps=speed_mps, accel_mps2=0.0)
-        if driven:  # at a constant offset from the recorded path, with the wheels at its curvature
+        if driven:  # beside the recorded path, with the wheels at its curvature
             curvature_1pm = turned_rad / PERIOD_S / max(speed_mps, 1.0)
+            if self._returns:
+                self._place = replace(
+                    self._place, left_m=self._place.left_m * STAYS, yaw_rad=self._place.yaw_rad * STAYS
+                )
             self._state = self._plant.initial(
-                0.0, self._start.left_m, self._start.yaw_rad, speed_mps, curvature_1pm
+                0.0, self._place.left_m, self._place.yaw_rad, speed_mps, curvature_1pm
             )
             return
         moved = self._plant.step(held, replace(applied, accel_mps2=0.0), PERIOD_S)
@@ -236,14 +278,16 @@ class _Loop:
 
     def _note(self, now_s: float, estimate: SteeringEstimate, unseen: float) -> None:
         seen_m, decision = estimate.lateral_offset_m, self._stack.decision
-        seen_m, fear = math.nan if seen_m is None else seen_m, decision.fear if decision else math.nan
+        seen_m, fear = math.nan if seen_m is None else seen_m, decision.fear if decision else 1.0
         self._rows.append((now_s, self._state.y_m, self._state.yaw_rad, seen_m, unseen, fear))
-        self._engaged.append(decision is not None and decision.mode is not Mode.STOP)
+        self._engaged.append(
+            not self._driver.drives and decision is not None and decision.mode is not Mode.STOP
+        )
         self._causes.append(decision.cause if decision else Cause.STARTING)
 
     def _result(self) -> Resimulation:
         t_s, offset_m, heading_rad, seen_m, unseen, fear = np.array(self._rows, float).T
-        engaged_share, causes = float(np.mean(self._engaged)), tuple(self._causes)
+        engaged, causes = np.array(self._engaged), tuple(self._causes)
         return Resimulation(
-            t_s, offset_m, heading_rad, seen_m, unseen, fear, self._interventions, engaged_share, causes
+            t_s, offset_m, heading_rad, seen_m, unseen, fear, self._interventions, engaged, causes
         )

@@ -216,6 +216,7 @@ def doubts_of(modes: ModeSettings) -> tuple[Doubt, ...]:
     """DOUBTS, and a row for every cause under ``stop_after_s`` and ``emergency_after_s``.
 
     The time is held while another cause of the same section is active, because these doubts concern the same road.
+    That of an emergency does not count while a driver drives, who answers for the road until the car does.
     """
     return (
         *DOUBTS,
@@ -229,13 +230,17 @@ def doubts_of(modes: ModeSettings) -> tuple[Doubt, ...]:
 
 def _of_cause(cause: str, limits_s: dict[str, float], effect: Effect, *, on_the_move: bool = False) -> Doubt:
     """The row of a ``cause`` that may slow the car for ``limits_s[cause]`` before its ``effect``."""
+
+    def counts(m: Conditions) -> bool:
+        return not on_the_move or (m.moving and not m.driver)
+
     return Doubt(
         cause,
-        lambda m: m.doubt == cause and (m.moving or not on_the_move),
+        lambda m: m.doubt == cause and counts(m),
         lambda _, __: limits_s[cause],
         effect,
         "as slowly as it came, by another cause",
-        pauses=lambda m: m.doubt in limits_s and (m.moving or not on_the_move),
+        pauses=lambda m: m.doubt in limits_s and counts(m),
         timer=Patience,
     )
 
@@ -248,11 +253,12 @@ class Doubts:
         self._timers = [(doubt, doubt.timer()) for doubt in doubts_of(modes)]
         self._healthy = Stopwatch()
         self.healthy_s = 0.0
-        """For how long the car has been healthy at standstill, at the last step."""
+        """For how long the car has been healthy at standstill, or on the move under a driver, at the last step."""
 
     def step(self, m: Conditions, hysteresis: Hysteresis, *, now_s: float) -> Situation:
         """The situation at ``now_s``: the moment, and the effects of the rows that have lasted for their time."""
-        self.healthy_s = self._healthy.step(_ready(m), now_s=now_s)
+        healthy = _ready(m) if m.standstill else _is_handed_over(m)
+        self.healthy_s = self._healthy.step(healthy, now_s=now_s)
         effects = frozenset(
             [
                 doubt.effect

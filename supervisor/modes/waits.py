@@ -150,12 +150,16 @@ class Halt(NamedTuple):
 
     state: ModeState
     now: Conditions
-    healthy_s: float  # for how long a standing car has had neither obstacle nor fault
+    healthy_s: float  # for how long a standing or driven car has had neither obstacle nor fault
     brake: Stop  # the stop that the car makes now
     braked_for: str  # cause of a brake without a change of mode; "" without it
     late: Collection[str]  # senders of late messages
     cap_mps: float
     lead_cap_mps: float  # by the gap to the vehicle ahead
+
+
+READY = "starting: ready; drives when the driver lets go"
+"""What a moving car says in the stop in which a supervisor starts, when a driver may hand it over."""
 
 
 def waits_for(view: StartSituation, halt: Halt) -> str:
@@ -227,9 +231,20 @@ def _stop(view: StartSituation, halt: Halt) -> str:
     if state.final:
         return f"{head} {RESTART}"
     if not standing and view.world.motion is not None:
-        driver = ", or for a driver who hands over" if state.cause == STARTING else ""
+        if starting and halt.now.driver:
+            return _hand_over(view, halt, head)
+        driver = ", or for a driver who hands over" if starting else ""
         return f"{head} waits for standstill{driver}"
     return f"{head} {_start(view, halt, fault, view.bounds.modes.reengage_after_s)}"
+
+
+def _hand_over(view: StartSituation, halt: Halt, head: str) -> str:
+    """What a moving car waits for before its driver may hand it over."""
+    row, after_s = obstacle(view), view.bounds.modes.reengage_after_s
+    if row is not None or after_s is None:
+        return f"{head} waits for {row.waits_for(view) if row else 'standstill'}"
+    left_s = after_s - halt.healthy_s
+    return f"{head} takes over after {left_s:.1f} s more without a fault" if left_s > 0.0 else READY
 
 
 def _start(view: StartSituation, halt: Halt, fault: str, after_s: float | None) -> str:

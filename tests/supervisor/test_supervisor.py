@@ -224,6 +224,16 @@ def test_a_lost_lane_is_no_emergency_while_a_driver_drives() -> None:
     assert (decision.mode, decision.stop) == (Mode.STOP, Stop.COMFORT)
 
 
+def test_an_emergency_of_doubt_counts_from_the_moment_in_which_the_driver_lets_go() -> None:
+    """Two unsure lanes that agree make the cause ``no_road`` and leave a path."""
+    limit_s = SETTINGS.modes.emergency_after_s["no_road"]
+    faint = dict.fromkeys(("cv", "cnn"), replace(ESTIMATE, confidence=0.3))
+    drive = Drive(speed_mps=7.0)
+    assert drive.last(5 * limit_s, **faint, state=DRIVEN).stop is Stop.COMFORT
+    assert drive.last(limit_s - 0.1, **faint).stop is Stop.COMFORT
+    assert drive.last(0.2, **faint).stop is Stop.EMERGENCY
+
+
 DAZZLED = replace(STATISTICS, over_exposed=0.95, contrast=0.01, brightness=0.98)
 UNSURE = replace(ESTIMATE, confidence=0.3)
 

@@ -5,14 +5,19 @@ recorded steering gives the path: the yaw rate is speed times steering times a g
 images over all stretches, because the lock of those cars is not known. A clip without steering has the path of the
 yaw rate in its images. The speed is that of the log or of the sequence, else that of the ground in the images, in
 the metres of the assumed camera (:mod:`sim_harness.footage.visual_motion`).
+
+Every run is one line in ``runs/resimulation.jsonl``; stored ones are not repeated, so that an interrupted benchmark
+continues.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby, pairwise
+from functools import cache
+from itertools import groupby, pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 
 from lab.bench.real import sets
@@ -21,17 +26,18 @@ from lab.bench.real.look import supervised_estimators
 from lab.bench.real.supervision import cause_shares
 from sim_harness.footage.clip import ClipFrames
 from sim_harness.footage.reprojection import PoseChange
-from sim_harness.footage.resimulation import Resimulation, resimulate
+from sim_harness.footage.resimulation import resimulate
 from sim_harness.footage.visual_motion import speed_mps, yaw_changes_rad
+from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint, import_closure
+from sim_harness.sweep.store import Row, stored_rows
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, load
-from trepid.loudness import note
+from trepid.config import CONFIG_DIR, WORK_DIR, InputError, load
 from trepid.types import Array
 
 PARTS = Stretches(4, 150)
 PAUSE_S = 0.5  # a longer time between two frames ends a stretch
 LEAST_S = 6.0  # of a stretch
-STARTS = (PoseChange(), PoseChange(left_m=0.5), PoseChange(left_m=-0.5))
+STARTS_M = (0.0, 0.5, -0.5)  # left of the recorded path
 FOOTAGE: dict[str, Callable[[Path], Iterator[Picture]]] = {
     "camvid_road": sets.camvid_clip,
     "highway_udacity_p1": lambda folder: video(folder / "solidWhiteRight.mp4"),
@@ -53,20 +59,76 @@ class Stretch:
     assumed: bool  # the camera is self-calibrated
 
 
-def bench_resimulation(*, data: Path | None = None) -> dict[str, Any]:
-    """Scores of the supervised car by set, over all stretches and starts. Raises InputError without any set."""
-    folder, rows = sets.data_folder(data), {}
-    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    for name, pictures in FOOTAGE.items():
-        if not (folder / name).is_dir():
-            continue
-        stretches = with_paths(list(stretches_of(name, pictures(folder / name))))
-        runs = [run for stretch in stretches for run in _runs(stretch, vehicle)]
-        rows[name] = scores(stretches, runs)
-        note(f"resimulation: {name}, {len(runs)} runs")
-    if not rows:
+class Run(NamedTuple):
+    """One run: a part of a set from a start."""
+
+    folder: str  # of the set
+    part: int
+    left_m: float  # of the recorded path
+
+    @property
+    def name(self) -> str:
+        """The set."""
+        return Path(self.folder).name
+
+
+def bench_resimulation(*, data: Path | None = None, jobs: int = 1) -> dict[str, Any]:
+    """Scores of the supervised car by set, over all parts and starts. Raises InputError without any set."""
+    folder = sets.data_folder(data)
+    there = [str(folder / name) for name in FOOTAGE if (folder / name).is_dir()]
+    if not there:
         raise InputError(f"{folder}: none of the sets {', '.join(FOOTAGE)}")
-    return {"by_set": rows}
+    runs = [Run(*one) for one in product(there, range(PARTS.number), STARTS_M)]
+    keys = {f"{one.name} {one.part} {one.left_m:+g} m of {one.folder}": one for one in runs}
+    rows = stored_rows(
+        WORK_DIR / "runs" / "resimulation.jsonl",
+        driven_row,
+        keys,
+        codes=dict.fromkeys(keys, _code()),
+        jobs=jobs,
+    )
+    driven = [(one.name, row) for one, row in zip(runs, rows, strict=True) if row["runs"]]
+    return {
+        "by_set": {
+            name: scores(list(of_set(driven, name))) for name in dict.fromkeys(name for name, _ in driven)
+        }
+    }
+
+
+def of_set(driven: Sequence[tuple[str, Row]], name: str) -> Iterator[Row]:
+    """The rows of the set ``name``."""
+    return (row for other, row in driven if other == name)
+
+
+def _code() -> str:
+    """Hash of what a row depends on."""
+    code = fingerprint(*import_closure([__name__]), "config")
+    return f"{' '.join(map(estimator_fingerprint, supervised_estimators()))} {code}"
+
+
+@cache
+def _stretches(folder: str) -> list[Stretch]:
+    """Those of a set; a process reads each set once."""
+    cv2.setNumThreads(1)
+    path = Path(folder)
+    return with_paths(list(stretches_of(path.name, FOOTAGE[path.name](path))))
+
+
+def driven_row(run: Run) -> Row:
+    """The stored row of a run; that of a part which its set does not have says so."""
+    stretches = _stretches(run.folder)
+    if run.part >= len(stretches):
+        return {"runs": 0}
+    one = stretches[run.part]
+    driven = resimulate(
+        one.drive,
+        load(CONFIG_DIR / "vehicle.yaml", Vehicle),
+        start=PoseChange(left_m=run.left_m),
+        estimators=supervised_estimators(),
+        assumed=one.assumed,
+    )
+    speed_mps = float(one.drive.speed_mps.mean())
+    return {"runs": 1, "speed_mps": speed_mps, "causes": list(driven.causes), **driven.row()}
 
 
 def stretches_of(name: str, pictures: Iterator[Picture]) -> Iterator[Stretch]:
@@ -122,32 +184,23 @@ def _yaw_rates(stretch: Stretch) -> tuple[Array, Array]:
     return seen, (drive.speed_mps * steering_rad)[:-1]
 
 
-def _runs(stretch: Stretch, vehicle: Vehicle) -> list[Resimulation]:
-    names = supervised_estimators()
-    return [
-        resimulate(stretch.drive, vehicle, start=start, estimators=names, assumed=stretch.assumed)
-        for start in STARTS
-    ]
-
-
-def scores(stretches: Sequence[Stretch], runs: Sequence[Resimulation]) -> dict[str, float | str | None]:
-    """Means over the runs, the autonomy over those in which the car was engaged; the path is the recorded one."""
-    rows = [run.row() for run in runs]
+def scores(rows: Sequence[Row]) -> dict[str, float | str | None]:
+    """Means over the runs, the autonomy over those in which the car drove; the path is the recorded one."""
 
     def mean(name: str) -> float | None:
-        values = [float(str(row[name])) for row in rows if row[name] is not None]
+        values = [row[name] for row in rows if row[name] is not None]
         return float(np.mean(values)) if values else None
 
-    speeds = [float(stretch.drive.speed_mps.mean()) for stretch in stretches]
     return {
-        "runs": len(runs),
-        "duration_s": float(sum(run.duration_s for run in runs)),
-        "mean_speed_mps": float(np.mean(speeds)) if speeds else None,
+        "runs": len(rows),
+        "duration_s": float(sum(row["duration_s"] for row in rows)),
+        "mean_speed_mps": mean("speed_mps"),
         "engaged_percent": mean("engaged_percent"),
-        "interventions": sum(run.interventions for run in runs),
+        "interventions": sum(row["interventions"] for row in rows),
+        "stops": sum(row["stops"] for row in rows),
         "autonomy_where_engaged_percent": mean("autonomy_percent"),
         "rms_from_path_m": mean("rms_offset_m"),
         "mean_fear": mean("mean_fear"),
-        "fear_causes": cause_shares([cause for run in runs for cause in run.causes]),
+        "fear_causes": cause_shares([cause for row in rows for cause in row["causes"]]),
         "lane_seen_percent": mean("lane_seen_percent"),
     }

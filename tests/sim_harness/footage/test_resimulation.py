@@ -235,11 +235,26 @@ def test_two_estimators_confirm_each_other_and_a_single_one_is_never_calm():
     assert alone.fear.min() == pytest.approx(0.5)
 
 
+def test_a_driver_takes_over_when_the_car_stops_and_hands_it_over_again_when_it_is_ready():
+    whole = rendered_drive("straight", 20.0, 170)
+    grey = np.full_like(whole.frames[0], 90)
+    hidden = [grey if 3.0 < t_s < 3.8 else frame for t_s, frame in zip(whole.t_s, whole.frames, strict=True)]
+    drive = ClipFrames(whole.name, hidden, whole.t_s, whole.speed_mps, CAMERA, np.zeros(170))
+    run = resimulate(drive, VEHICLE, start=PoseChange())
+    taken, stopped, again = run.t_s[1:][np.diff(run.engaged.astype(int)) != 0]
+    assert taken == pytest.approx(2.2, abs=0.05)
+    assert 3.0 < stopped < 3.8
+    assert 3.8 + 2.0 < again < 3.8 + 2.2  # healthy for 2 s
+    assert (run.stops, run.interventions) == (1, 0)
+
+
 def test_a_car_that_was_never_engaged_has_no_autonomy():
     still = np.zeros(3)
-    run = Resimulation(np.arange(3.0), still, still, still, still, np.full(3, 0.5), 0, 0.0, ())
+    never = np.zeros(3, bool)
+    run = Resimulation(np.arange(3.0), still, still, still, still, np.full(3, 0.5), 0, never, ())
     row = run.row()
     assert (row["autonomy_percent"], row["engaged_percent"], row["mean_fear"]) == (None, 0.0, 0.5)
+    assert (row["rms_offset_m"], row["stops"]) == (None, 0)
     line = _one_line({"clip": "clip", "return_s": None, **row})
     assert "engaged 0 %" in line and "autonomy none" in line and "fear 0.50 (at most 0.50)" in line
 

@@ -5,12 +5,14 @@ import re
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from message_rig import SHUTTLE
 from supervisor_rig import ESTIMATE, LATENCY_S, SETTINGS, STATE, STATISTICS, Drive
 
+from supervisor.modes.waits import READY
 from supervisor.rules.verify import load_verified
 from supervisor.supervisor import Supervisor
 from trepid.car.vehicle import Vehicle
@@ -97,6 +99,27 @@ def test_a_stop_for_a_measurement_keeps_the_name_of_it() -> None:
 
 def test_a_car_that_starts_on_the_move_waits_for_standstill_or_a_driver() -> None:
     assert first(Drive(speed_mps=8.0)) == "starting: waits for standstill, or for a driver who hands over"
+
+
+DRIVEN = replace(STATE, driver_override=True)
+
+
+def test_a_driver_on_the_move_is_told_what_the_car_waits_for_and_when_it_is_ready() -> None:
+    drive = Drive(speed_mps=8.0)
+    unsure = "starting: waits for a lane with a confidence of at least 0.2 (now cv 0.10, cnn 0.10)"
+    assert first(drive, cv=UNSURE, cnn=UNSURE, state=DRIVEN) == unsure
+    said = [drive.frame(state=DRIVEN).waits_for for _ in range(80)]
+    left_s = [float(words.split()[4]) for words in said if " takes over after " in words]
+    assert left_s == sorted(left_s, reverse=True) and left_s[0] == SETTINGS.modes.reengage_after_s
+    assert said[-1] == READY
+
+
+@pytest.mark.parametrize("driven_s", np.arange(0.2, 4.0, 0.4))
+def test_a_moving_car_says_that_it_is_ready_exactly_when_it_takes_over(driven_s: float) -> None:
+    drive = Drive(speed_mps=8.0)
+    drive.last(0.5, statistics=DIM, state=DRIVEN)
+    ready = drive.last(driven_s, state=DRIVEN).waits_for == READY
+    assert (drive.frame().mode is not Mode.STOP) == ready
 
 
 @pytest.mark.parametrize("lost", ["cv", "cnn"])

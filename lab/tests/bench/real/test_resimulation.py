@@ -73,13 +73,45 @@ def test_the_scores_are_means_over_runs_and_sums_of_interventions():
     (stretch,) = with_paths(list(stretches_of("set", iter(pictures(count=125, speed_mps=10.4)))))
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     run = resimulate(stretch.drive, vehicle, start=PoseChange(left_m=0.5))
-    other = replace(run, interventions=run.interventions + 2, engaged_share=0.0, fear=run.fear + 0.1)
-    found = scores([stretch], [run, other])
+    never = np.zeros(len(run.t_s), bool)
+    other = replace(run, interventions=run.interventions + 2, engaged=never, fear=run.fear + 0.1)
+    rows = [one.row() | {"speed_mps": 10.4, "causes": list(one.causes)} for one in (run, other)]
+    found = scores(rows)
     assert found["runs"] == 2 and found["interventions"] == 2 * run.interventions + 2
-    assert found["duration_s"] == pytest.approx(2 * run.duration_s)
+    assert found["duration_s"] == pytest.approx(2 * run.duration_s, abs=0.02)
     assert found["engaged_percent"] == pytest.approx(50 * run.engaged_share, abs=0.1)
     assert found["mean_fear"] == pytest.approx(run.fear.mean() + 0.05, abs=0.01)
     assert found["mean_speed_mps"] == pytest.approx(10.4)
+    assert (other.row()["rms_offset_m"], other.row()["autonomy_percent"]) == (None, None)
+    assert found["rms_from_path_m"] == run.row()["rms_offset_m"]
+
+
+def test_an_interrupted_benchmark_continues_with_the_runs_that_are_left(tmp_path, monkeypatch):
+    (tmp_path / "drive").mkdir()
+    monkeypatch.setattr(resimulation, "WORK_DIR", tmp_path)
+    monkeypatch.setattr(resimulation, "FOOTAGE", {"drive": None})
+    driven: list[resimulation.Run] = []
+    ends = [4]
+
+    def row(run: resimulation.Run) -> dict[str, Any]:
+        if len(driven) in ends:
+            raise KeyboardInterrupt
+        driven.append(run)
+        numbers: dict[str, float] = dict.fromkeys(
+            ("duration_s", "speed_mps", "interventions", "stops", "engaged_percent"), run.part
+        )
+        numbers |= dict.fromkeys(
+            ("autonomy_percent", "rms_offset_m", "mean_fear", "lane_seen_percent"), run.left_m
+        )
+        return {"runs": int(run.part < 3), "causes": [], **numbers}
+
+    monkeypatch.setattr(resimulation, "driven_row", row)
+    with pytest.raises(KeyboardInterrupt):
+        bench_resimulation(data=tmp_path)
+    ends.clear()
+    found = bench_resimulation(data=tmp_path)["by_set"]["drive"]
+    assert len(driven) == len(set(driven)) == 12
+    assert (found["runs"], found["duration_s"]) == (9, 9.0)
 
 
 def test_without_any_set_there_is_one_line(tmp_path: Path):
