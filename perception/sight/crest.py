@@ -43,6 +43,7 @@ ABOVE_PX, STEPS_PX = 3, 2  # rows above the horizon that are looked at; rows on 
 TEXTURE_PX = (
     26  # rows below the horizon from which on steps are the texture of the ground, at 190 px focal length
 )
+STANDING_MPS = 0.2  # below, the way is that of the noise of the speed
 NEWEST_S = 0.2  # age of the newest end of the ground that still counts
 SIGMA_OF_MEDIAN = 1.48  # standard deviation over the median size of normal numbers
 
@@ -157,8 +158,8 @@ class CrestFinder:
         """Sight [m] from the lens up to a crest; None without one.
 
         ``ahead_m``: the end of the ground in the frame of ``t_s``, as of :meth:`GroundEnd.ahead_m`. A crest that is
-        no longer found counts for ``memory_s``: the ground does not change, trees behind it do. Without a known
-        speed the result is None, and the frames before no longer count.
+        no longer found counts for ``memory_s`` of driving: the ground does not change, trees behind it do. Without
+        a known speed the result is None, and the frames before no longer count.
         """
         settings, dt_s = self._settings, t_s - self._t_s
         self._t_s = t_s
@@ -170,6 +171,8 @@ class CrestFinder:
         found_m = self._find(ahead_m, speed_mps * dt_s, t_s)
         if found_m is not None:
             self._found_m, self._found_s = found_m, t_s
+        elif abs(speed_mps) < STANDING_MPS:
+            self._found_s += dt_s
         return self._found_m if t_s - self._found_s <= settings.memory_s else None
 
     def _find(self, ahead_m: float | None, gone_m: float, t_s: float) -> float | None:

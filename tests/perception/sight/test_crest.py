@@ -137,6 +137,16 @@ def test_a_crest_that_is_no_longer_found_counts_for_a_moment() -> None:
     assert SETTINGS.crest.memory_s <= lasts_s <= 2 * SETTINGS.crest.memory_s
 
 
+def test_a_car_that_stands_before_a_crest_does_not_forget_it() -> None:
+    finder, crest = CrestFinder(SETTINGS.crest, HEIGHT_M), over_a_crest(400.0, 0.0)
+    way_m = 0.0
+    for number in range(1000):
+        speed_mps = max(10.0 - 0.2 * number, 0.0)
+        way_m += speed_mps * PERIOD_S
+        seen_m = finder.step(crest(way_m), speed_mps, number * PERIOD_S)
+    assert seen_m == pytest.approx(math.sqrt(800 * HEIGHT_M), rel=0.2)  # a slow approach leaves what is usual
+
+
 def test_a_shadow_across_road_and_verges_is_no_end_of_the_ground() -> None:
     image = ends_at(0.5).astype(float)
     horizon = CAMERA.horizon_row_px
