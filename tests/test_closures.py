@@ -55,7 +55,7 @@ CLOSURES = {
         "assert build('cv') and build_judge()",
         {"perception"},
         59,
-        6_120,
+        6_130,
     ),
     "cnn": Closure(
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
@@ -121,7 +121,7 @@ WHOLE_CAR = Closure(
     "\n".join([*(one.statements for one in CLOSURES.values()), DRIVERS]),
     {"perception", "supervisor", "controller", "vehicle", "drive", "cockpit.page"},
     232,
-    24_510,
+    24_520,
 )
 """All of a car: launcher, every node, every driver of cameras, actuators and driver input, bridge to ROS 2."""
 

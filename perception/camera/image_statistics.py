@@ -24,6 +24,8 @@ SPOT_MEMORY_S = 0.2  # of the running mean of the dark spots: what stands still 
 STANDING_SHARE = 0.7  # of that mean, from which on a spot stands still: after 0.24 s
 LARGEST_SHARE = 0.34  # of one frame in that mean, after however long a time: three frames at the least
 SPATTERED = 0.45  # share of spotted tiles in two consecutive frames that counts at once
+FLOW_HPS = 1.0  # [heights of the camera per second]: below, all times for spots grow in proportion
+APART_S = 0.015  # between these frames at the least: in less, they are alike
 STREAK_PX, THICK_PX = 8, 4  # of that map: least length of a streak along the way, least width of a blot
 HORIZON = 0.48  # share of the rows above it, of a usual camera
 BEARINGS = 240  # around the vanishing point
@@ -44,8 +46,11 @@ class ImageStatistician:
         self._spots_s = 0.0
         self._standing: NDArray[np.float32] | None = None  # ... and their running mean, 0..255
 
-    def step(self, frame: Frame, *, now_s: float) -> ImageStatistics:
-        """Statistics of ``frame``; ``frozen_s`` grows with ``now_s`` even if the capture time does not."""
+    def step(self, frame: Frame, *, now_s: float, speed_hps: float | None = None) -> ImageStatistics:
+        """Statistics of ``frame``; ``frozen_s`` grows with ``now_s`` even if the capture time does not.
+
+        ``speed_hps``: of the car, in heights of the camera per second; None: not known.
+        """
         grey = small_grey(frame.image)
         mean, deviation = cv2.meanStdDev(grey)
         return ImageStatistics(
@@ -56,7 +61,7 @@ class ImageStatistician:
             under_exposed=np.count_nonzero(grey <= UNDER_EXPOSED_GREY) / grey.size,
             sharpness=_sharpness(grey),
             frozen_s=self._freeze_s(grey, max(frame.t_s, now_s)),
-            spots=self._spot_share(grey, frame.t_s),
+            spots=self._spot_share(grey, frame.t_s, speed_hps),
         )
 
     def _freeze_s(self, grey: Image, t_s: float) -> float:
@@ -72,15 +77,17 @@ class ImageStatistician:
         self._checksums.append(checksum)
         return max(0.0, t_s - self._new_s)
 
-    def _spot_share(self, grey: Image, t_s: float) -> float:
+    def _spot_share(self, grey: Image, t_s: float, speed_hps: float | None) -> float:
         """Share of tiles with a dark spot that stands still; 0 in the first frame.
 
         A spot stands still when the running mean over SPOT_MEMORY_S contains it; dirt that covers SPATTERED of the
         tiles counts from its second frame on. Patterns of the ground, joints and shadows stand still by chance for
-        two frames, seldom longer. Streaks along the way look the same while they pass, and do not count.
+        two frames, seldom longer. Streaks along the way look the same while they pass, and do not count. All that a
+        car sees stands still with it: then nothing is learned, and what was known of the lens is kept.
         """
         spots, before = _without_streaks(_dark_spots(grey), self._horizon), self._spots
         dt_s, self._spots, self._spots_s = max(t_s - self._spots_s, 0.0), spots, t_s
+        dt_s *= 1.0 if speed_hps is None else min(abs(speed_hps) / FLOW_HPS, 1.0)
         if before is None or self._standing is None:
             self._standing = np.zeros(spots.shape, np.float32)
             return 0.0
@@ -89,7 +96,8 @@ class ImageStatistician:
         seen = _areas(spots)
         at_once = _spotted_share(cv2.min(before, spots), seen)
         lasting = np.multiply(self._standing > 255 * STANDING_SHARE, 255, dtype=np.uint8)
-        return at_once if at_once >= SPATTERED else _spotted_share(lasting, seen)
+        counts = dt_s >= APART_S and at_once >= SPATTERED
+        return at_once if counts else _spotted_share(lasting, seen)
 
 
 def _spotted_share(standing: cv2.typing.MatLike, seen: NDArray[np.int64]) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from perception.camera.grey import small_grey
 from perception.camera.image_statistics import ImageStatistician
+from perception.lane.model.prediction import VehicleMotion
 from perception.sight.observer import SightObserver
 from perception.sight.settings import GlareSettings, SightSettings
 from trepid.car.camera import Camera
@@ -49,7 +50,7 @@ class ImageJudge:
         self._observer = SightObserver(settings, scaled_settings(camera, 1 / scale), assumed=assumed)
         self._reference, self._scale = ReferenceWorld(scale), scale
         self._glare, self._horizon = settings.glare, camera.horizon_row_px / camera.height_px
-        self._statistician = ImageStatistician(self._horizon)
+        self._statistician, self._height_m = ImageStatistician(self._horizon), camera.height_m
 
     def step(
         self, frame: Frame, lane: SteeringEstimate | None, state: VehicleState | None, *, now_s: float
@@ -59,7 +60,9 @@ class ImageJudge:
         ``lane``: the newest estimate of the lane, of this frame in a live drive, of the frame before in lock-step;
         None: the ground straight ahead counts.
         """
-        statistics = self._statistician.step(frame, now_s=now_s)
+        speed_mps = VehicleMotion.of(state).speed_mps
+        speed_hps = None if speed_mps is None else speed_mps / self._height_m
+        statistics = self._statistician.step(frame, now_s=now_s, speed_hps=speed_hps)
         enlarged = self._reference.enlarge
         sight = self._observer.step(frame, enlarged("lane", lane), enlarged("state", state))
         if sight is None:

@@ -62,7 +62,9 @@ def test_odd_shapes_are_measured_like_any_other(shape):
     assert statistics(np.full(shape, 100, np.uint8)).brightness == pytest.approx(100 / 255, abs=0.01)
 
 
-def drive_past(*, spots: np.ndarray | None = None, frames: int = 4) -> list[float]:
+def drive_past(
+    *, spots: np.ndarray | None = None, frames: int = 4, speed_hps: float | None = None
+) -> list[float]:
     """Share of spotted tiles while textured pictures stream by behind ``spots``, a mask."""
     statistician = ImageStatistician()
     seen = []
@@ -70,7 +72,8 @@ def drive_past(*, spots: np.ndarray | None = None, frames: int = 4) -> list[floa
         image = 100 + scene(number) // 8  # as asphalt
         if spots is not None:
             image[spots] = image[spots] // 4
-        seen.append(statistician.step(Frame(t_s=0.04 * number, image=image), now_s=0.04 * number).spots)
+        t_s = 0.04 * number
+        seen.append(statistician.step(Frame(t_s=t_s, image=image), now_s=t_s, speed_hps=speed_hps).spots)
     return seen
 
 
@@ -105,6 +108,32 @@ def test_few_spots_that_stand_still_for_two_frames_are_no_dirt():
         image[moved] = image[moved] // 4
         t_s = 0.04 * number
         assert statistician.step(Frame(t_s=t_s, image=image), now_s=t_s).spots == 0.0
+
+
+FEW = blots(slice(None)) & (np.arange(320) < 80)
+
+
+def test_a_slower_car_takes_longer_to_know_dirt_from_what_it_passes():
+    known = [
+        [share > 0.2 for share in drive_past(spots=FEW, frames=30, speed_hps=speed_hps)].index(True)
+        for speed_hps in (20.0, 1.0, -0.5, 0.3)
+    ]
+    assert known[0] == known[1] < known[2] < known[3]
+    assert known[2] == pytest.approx(2 * known[1], abs=1)
+
+
+def test_a_standing_car_learns_nothing_of_its_lens_and_forgets_nothing():
+    statistician, seen = ImageStatistician(), []
+    for number in range(60):
+        stands, dirty = number < 20 or number >= 40, number >= 20
+        spots = blots(slice(None)) if not dirty else FEW
+        image = 100 + scene(0 if stands else number) // 8
+        image[spots] = image[spots] // 4
+        t_s = 0.04 * number
+        found = statistician.step(Frame(t_s=t_s, image=image), now_s=t_s, speed_hps=0.0 if stands else 6.0)
+        seen.append(found.spots)
+    assert max(seen[:20]) == 0.0  # dark windows of a house: all that is seen stands still
+    assert min(seen[30:]) > 0.2
 
 
 def test_spots_in_one_part_of_the_image_are_no_dirt():
