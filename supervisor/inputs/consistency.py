@@ -85,9 +85,13 @@ class _PathJitter(NamedTuple):
 
 
 class _Drift(NamedTuple):
-    """The last change of the lane over DRIFT_M of way, at the point of the road that lay AHEAD_M ahead before."""
+    """The last change of the lane over DRIFT_M of way, at the point of the road that lay AHEAD_M ahead before.
+
+    Or over the look-ahead of the first frame, where that is shorter: its lane is not stated beyond.
+    """
 
     before: Lane  # the lane to compare the next one with, moved by odometry
+    known_m: float  # up to which its lane was stated
     way_m: float = 0.0  # driven since that frame
     jump_m: float = 0.0  # the greatest from frame to frame since then
     age_s: float = 0.0  # of that frame
@@ -102,11 +106,11 @@ class _Drift(NamedTuple):
         """With the lane ``dt_s`` later, which jumped by ``jump_m`` from the one before."""
         greatest_m = at_least(abs(jump_m), self.jump_m)
         before, way_m = self.before.after(motion, dt_s), self.way_m + abs(motion.speed_mps) * dt_s
-        if way_m < DRIFT_M:
+        if way_m < at_most(DRIFT_M, self.known_m):
             return self._replace(before=before, way_m=way_m, jump_m=greatest_m, age_s=self.age_s + dt_s)
-        there_m = at_least(ahead_m - way_m, 0.0)
+        there_m = at_least(at_most(self.known_m - way_m, ahead_m), 0.0)
         change_m = abs(lane.y_m(there_m) - before.y_m(there_m))
-        return _Drift(lane, change_m=at_least(change_m - greatest_m, 0.0))
+        return _Drift(lane, ahead_m, change_m=at_least(change_m - greatest_m, 0.0))
 
 
 class _Track(NamedTuple):
@@ -114,6 +118,7 @@ class _Track(NamedTuple):
 
     t_s: float
     lane: Lane
+    ahead_m: float  # up to which the lane is compared
     square_m2: RunningMean  # of squared jumps by time
     path_jitter: _PathJitter
     drift: _Drift
@@ -123,12 +128,13 @@ class _Track(NamedTuple):
         dt_s = t_s - self.t_s
         if not 0 < dt_s <= LONGEST_S:
             anew = self.path_jitter._replace(before=lane, way_m=0.0)
-            return _Track(t_s, lane, RunningMean(0.0), anew, _Drift(lane))
+            return _Track(t_s, lane, ahead_m, RunningMean(0.0), anew, _Drift(lane, ahead_m))
+        stated_m, ahead_m = ahead_m, at_most(self.ahead_m, ahead_m)
         jump_m = lane.y_m(ahead_m) - self.lane.after(motion, dt_s).y_m(ahead_m)
         square_m2 = self.square_m2.after(jump_m**2, dt_s, length=MEMORY_S)
         path_jitter = self.path_jitter.after(lane, motion, dt_s, ahead_m)
-        drift = self.drift.after(lane, motion, dt_s, jump_m=jump_m, ahead_m=ahead_m)
-        return _Track(t_s, lane, square_m2, path_jitter, drift)
+        drift = self.drift.after(lane, motion, dt_s, jump_m=jump_m, ahead_m=stated_m)
+        return _Track(t_s, lane, stated_m, square_m2, path_jitter, drift)
 
 
 class Consistency:
@@ -142,11 +148,12 @@ class Consistency:
         return {s.estimator: self._steadiness(s, motion or STANDING) for s in seen}
 
     def _steadiness(self, s: ValidatedEstimate, motion: Motion) -> Steadiness:
-        track = self._tracks.get(s.estimator)
+        track, ahead_m = self._tracks.get(s.estimator), _comparison_m(s)
         if s.lane is not None and track is None:
-            track = _Track(s.t_s, s.lane, RunningMean(0.0), _PathJitter(s.lane), _Drift(s.lane))
+            mean, drift = RunningMean(0.0), _Drift(s.lane, ahead_m)
+            track = _Track(s.t_s, s.lane, ahead_m, mean, _PathJitter(s.lane), drift)
         elif s.lane is not None and track is not None and s.t_s != track.t_s:
-            track = track.after(s.lane, s.t_s, motion, _comparison_m(s))
+            track = track.after(s.lane, s.t_s, motion, ahead_m)
         if track is None:
             return Steadiness(0.0, KNOWN_M)
         self._tracks[s.estimator] = track

@@ -11,8 +11,10 @@ from trepid.clothoid import Lane, Motion
 MOTION = Motion(8.0, 0.2)
 
 
-def estimate_of(lane: Lane | None, t_s: float, *, marked: bool | None = None) -> ValidatedEstimate:
-    return ValidatedEstimate("cnn", 0.0, t_s, False, 0.9, lane, 8.0, None, False, marked=marked)
+def estimate_of(
+    lane: Lane | None, t_s: float, *, marked: bool | None = None, ahead_m: float = 8.0
+) -> ValidatedEstimate:
+    return ValidatedEstimate("cnn", 0.0, t_s, False, 0.9, lane, ahead_m, None, False, marked=marked)
 
 
 def steadiness(
@@ -69,6 +71,17 @@ def test_a_curvature_that_is_wrong_in_every_frame_drifts_although_it_hardly_jump
     assert jitter_m(bent(0.0, 40), motion=straight, marked=True) == 0.0
     assert jitter_m(lanes[:3], motion=straight, marked=True) < 0.1
     assert jitter_m(lanes, motion=straight) < 0.1  # an estimator without memory
+
+
+@pytest.mark.parametrize("first_m", [2.0, 4.0])
+def test_lanes_are_compared_as_far_as_both_are_stated(first_m: float) -> None:
+    """A bend stated up to ``first_m`` alone, by which it leads 0.1 m aside or less, on a straight road."""
+    seen = [(Lane(0.0, 0.0, 0.0, 0.5 / first_m**3), first_m), *[(Lane(0.0, 0.0, 0.0, 0.0), 8.0)] * 20]
+    consistency = Consistency()
+    for number, (lane, ahead_m) in enumerate(seen):
+        estimate = estimate_of(lane, 0.04 * number, marked=True, ahead_m=ahead_m)
+        found = consistency.step([estimate], Motion(8.0, 0.0))
+        assert found["cnn"].jitter_m < 0.12
 
 
 def test_a_drift_no_longer_counts_a_second_after_it_was_measured() -> None:
