@@ -226,7 +226,7 @@ class Controller:
     def _take_path(self, decision: Decision, now_s: float) -> None:
         """Keep the path of a new decision, if it has a usable one."""
         limits, path_t_s = self._settings.inputs, decision.path_t_s
-        lane = _lane_from_decision(decision, limits)
+        lane = _lane_from_decision(decision, limits, self._vehicle)
         if lane is not None and path_t_s is not None and self._fresh(path_t_s, now_s, limits.path_memory_s):
             self._path_t_s, self._path = path_t_s, (lane, path_t_s)
         self._engaged = self._engaged or decision.mode is not Mode.STOP
@@ -326,7 +326,7 @@ class Controller:
         return goal.speed_mps, self._speed.track(goal, speed_mps=speed_mps, dt_s=dt_s)
 
 
-def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
+def _lane_from_decision(decision: Decision, limits: InputLimits, vehicle: Vehicle) -> Lane | None:
     """The decision's path with its curvature brought to the axle; None unless complete and plausible."""
     lane, ahead_1pm = Lane.of_message(decision, known_m=decision.lookahead_m), decision.curvature_1pm
     if lane is None or ahead_1pm is None:
@@ -334,8 +334,7 @@ def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
     plausible = (
         abs(lane.offset_m) <= limits.max_offset_m
         and abs(lane.heading_rad) <= limits.max_heading_rad
-        and abs(ahead_1pm) <= limits.max_curvature_1pm
-        and abs(lane.curvature_1pm) <= limits.max_curvature_1pm
+        and max(abs(ahead_1pm), abs(lane.curvature_1pm)) <= vehicle.possible_1pm(limits.max_curvature_1pm)
         and abs(lane.curvature_rate_1pm2) <= limits.max_curvature_rate_1pm2
         and 0.0 <= decision.lookahead_m <= limits.max_lookahead_m
     )

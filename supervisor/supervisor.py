@@ -122,8 +122,9 @@ class Supervisor:
         self._reference, vehicle = ReferenceWorld(vehicle.scale), vehicle.in_reference_world
         self._settings, self._source = settings, source
         self.adopt(rules)
+        validation = settings.validation.of_vehicle(vehicle)
         self._observer = WorldStateObserver(
-            settings.validation,
+            validation,
             settings.fusion,
             settings.follow,
             settings.giving_way,
@@ -134,9 +135,9 @@ class Supervisor:
         )
         self._line_warning = LineWarning(settings.line_warning, vehicle)
         self._lateness = Lateness(settings.validation.late)
-        self._watchdog = Watchdog(settings.validation, frames_s=settings.modes.comfort_stop_age_s)
+        self._watchdog = Watchdog(validation, frames_s=settings.modes.comfort_stop_age_s)
         self._doubts = Doubts(settings.modes)
-        self._bounds = Bounds(settings.modes, settings.validation, vehicle.standstill_mps, 1 / enlargement)
+        self._bounds = Bounds(settings.modes, validation, vehicle.standstill_mps, 1 / enlargement)
         self._mode = ModeState.initial()
         self._speed = SpeedFactor(settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)

@@ -2,7 +2,7 @@
 
 import math
 from itertools import pairwise
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Self
 
 from trepid.bounds import at_least
 from trepid.car.vehicle import Vehicle
@@ -49,6 +49,10 @@ class ValidationSettings(Settings):
     min_lane_width_m: Positive
     max_lane_width_m: Positive
     max_unmarked_width_m: Positive  # wider roads without lines have two lanes, and ours is unknown
+
+    def of_vehicle(self, vehicle: Vehicle) -> Self:
+        """These, with a limit of the curvature that fits ``vehicle``."""
+        return self.model_copy(update={"max_curvature_1pm": vehicle.possible_1pm(self.max_curvature_1pm)})
 
     def age_s(
         self,

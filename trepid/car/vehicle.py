@@ -126,6 +126,13 @@ class Vehicle(Settings):
         """Its world relative to the reference world of :mod:`trepid.scale`; 1 on lanes of 3.3 m."""
         return self.lane_width_m / REFERENCE_LANE_M
 
+    def possible_1pm(self, most_1pm: float) -> float:
+        """Limit of the curvature of a lane that is believed [1/m]: ``most_1pm``, or 1.4 times its tightest turn.
+
+        A corner of tape is tighter than the way of a car through it. Without slip the car turns by tan δ/L.
+        """
+        return max(1.4 * math.tan(self.max_road_wheel_angle_rad) / self.wheelbase_m, most_1pm)
+
     @property
     def in_reference_world(self) -> "Vehicle":
         """The vehicle enlarged to the reference world; itself at a scale of 1."""
@@ -135,9 +142,7 @@ class Vehicle(Settings):
     def _one_corridor(self) -> Self:
         if self.corridor is Corridor.LANE:
             if self.road_width_m is not None:
-                raise wrong_at(
-                    ("road_width_m",), "only corridor: road reads it: leave it out, or set corridor"
-                )
+                raise wrong_at(("road_width_m",), "only corridor: road reads it: set that, or leave it out")
         elif self.road_width_m is None:
             raise wrong_at(
                 ("corridor",), "road needs road_width_m, between the outer lines or edges of the road"

@@ -9,6 +9,7 @@ from supervisor_rig import ESTIMATE
 
 from supervisor.inputs.validation import validate
 from supervisor.supervisor import SupervisorSettings
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 
 LIMITS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).validation
@@ -56,3 +57,14 @@ def test_the_former_names_of_settings_still_work_with_a_warning(
     assert load(path, SupervisorSettings).validation == LIMITS.model_copy(update={"unused_frozen_s": 0.12})
     warnings = capsys.readouterr().err
     assert "sightings is now validation" in warnings and "frozen_s is now unused_frozen_s" in warnings
+
+
+def test_a_lane_is_believed_that_is_somewhat_tighter_than_the_car_turns() -> None:
+    """tan 0.8/1.32 m is 0.78/m, R = 1.3 m; a car that turns wider than R = 3 m keeps the limit of the settings."""
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    nimble = vehicle.model_copy(update={"wheelbase_m": 1.32, "max_road_wheel_angle_rad": 0.8})
+    for car, bend_1pm, seen in ((vehicle, 0.7, False), (nimble, 0.7, True), (nimble, 1.3, False)):
+        estimate = replace(ESTIMATE, t_s=1.0, curvature_1pm=bend_1pm, curvature_rate_1pm2=0.0)
+        limits = LIMITS.of_vehicle(car)
+        found = validate("tape", estimate, now_s=1.04, settings=limits, wheelbase_m=car.wheelbase_m)
+        assert (found.lane is not None) is seen
