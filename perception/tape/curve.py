@@ -8,7 +8,7 @@ the lane centre in the vehicle frame is, as x + iy,
 so that a lane may turn by 180° and more. A point q of a line lies d = Im(exp(-iφ)·(q - c)) left of the nearest
 c(s), and on a boundary r = d ∓ W/2 = 0. Gauss-Newton steps minimise Σ w·r²/σ² with the weights 1/(1 + (r/s)²)² of
 Geman and McClure, for falling s, and with priors: the prediction from the frame before, and curvatures that change
-little from station to station. The derivatives of d follow from those of c:
+little between most stations, and at once where a bend begins. The derivatives of d follow from those of c:
 
     ∂c/∂e = -i·exp(-iψ)     ∂c/∂ψ = -i·c     ∂c/∂κⱼ = ∫₀ˢ i·Tⱼ·exp(iφ) du     Tⱼ(s) = ∫₀ˢ ∂κ/∂κⱼ du
 """
@@ -30,6 +30,8 @@ from trepid.types import Array, Mask
 
 E, PSI, WIDTH, BENDS = 0, 1, 2, 3  # in the vector p
 STEP_M = 0.25  # between the points at which the lane is computed
+TURN_RAD, LEAST_STEPS = 1.0, 6  # turn of a lane, and steps of STEP_M, over which a clothoid stands for it
+LOOSE = 0.07  # the most weight of a change of curvature at the first scale
 STEPS = 2  # of Gauss-Newton, for each scale
 
 Complex = NDArray[np.complex128]
@@ -134,6 +136,12 @@ class LaneCurve:
         p = np.r_[float(rest.imag), heading, self.p[WIDTH], bends]
         return type(self)(self.at_m, p, self.covariance)
 
+    def turning_m(self, most_m: float) -> float:
+        """The way [m] on which the lane turns by a radian, to either side, ∫|κ|du = 1; at most ``most_m``."""
+        table = self.table
+        turned = np.cumsum(np.abs(table.bend @ self.p[BENDS:])[table.zero :]) * STEP_M
+        return min(STEP_M * max(int(np.searchsorted(turned, TURN_RAD)), LEAST_STEPS), most_m)
+
     def clothoid(self, reach_m: float) -> Lane:
         """The clothoid from the axle that turns as this lane does up to ``reach_m``: least squares of the angle."""
         table = self.table
@@ -170,23 +178,22 @@ class CurveFit:
     def __init__(self, settings: CurveSettings, width_m: float, *, aside: float = 0.5) -> None:
         """``width_m``: the usual width of the lanes; ``aside``: the lines from their middle, by it."""
         self._settings, self._width_m, self._aside = settings, width_m, aside
-        self._prior = self._shape_information()
+        at_m, count = np.array(settings.stations_m), BENDS + len(settings.stations_m)
+        sigma = np.full(count, settings.bend_1pm)
+        sigma[[E, PSI, WIDTH]] = math.inf, math.inf, settings.width_sigma * width_m
+        self._usual = np.diag(1 / sigma**2)
+        steps = np.diff(np.eye(len(at_m)), axis=0) / np.sqrt(np.diff(at_m))[:, None]
+        self._changes = np.hstack([np.zeros((len(steps), BENDS)), steps])
+        self._changes /= settings.bend_change_1pm_per_sqrt_m
 
-    def _shape_information(self) -> Array:
-        """Information of the curvatures: small, and changing little from station to station; that of the width."""
-        settings = self._settings
-        at_m = np.array(settings.stations_m)
-        count = BENDS + len(at_m)
-        information = np.zeros((count, count))
-        information[WIDTH, WIDTH] = 1 / (settings.width_sigma * self._width_m) ** 2
-        bends = slice(BENDS, count)
-        information[bends, bends] += np.eye(len(at_m)) / settings.bend_1pm**2
-        for number, gap_m in enumerate(np.diff(at_m), start=BENDS):
-            change = np.zeros(count)
-            change[[number, number + 1]] = -1.0, 1.0
-            sigma = settings.bend_change_1pm_per_sqrt_m * math.sqrt(gap_m)
-            information += np.outer(change, change) / sigma**2
-        return information
+    def _shape_information(self, p: Array, most: float) -> Array:
+        """Information of the shape near ``p``: the usual width, and small curvatures that mostly change little.
+
+        A bend may begin at once: changes x, in deviations, have the weights 1/(1 + x²) of Cauchy's distribution,
+        and ``most`` at most: from a stiff lane Gauss-Newton does not find a bend tighter than the lane is wide.
+        """
+        share = np.minimum(1 / (1 + (self._changes @ p) ** 2), most)
+        return self._usual + self._changes.T @ (self._changes * share[:, None])
 
     def fit(self, start: LaneCurve, voting: VotingPoints, *, tracked: bool) -> LaneCurve:
         """The lane near ``start`` that fits the points best.
@@ -198,7 +205,7 @@ class CurveFit:
         usual = np.zeros(len(start.p))
         usual[WIDTH] = self._width_m
         lane = start
-        normal = self._prior + trust
+        normal = trust
         for scale_m in settings.scales_m:
             for _ in range(STEPS):
                 drawn = lane.draw()
@@ -209,8 +216,9 @@ class CurveFit:
                 slope = lane.gradient(drawn)[placed.station]
                 slope[:, WIDTH] = -side
                 weighted = slope * (share / settings.point_sigma_m**2)[:, None]
-                normal = weighted.T @ slope + self._prior + trust
-                pull = weighted.T @ off_m + self._prior @ (lane.p - usual) + trust @ (lane.p - start.p)
+                prior = self._shape_information(lane.p, LOOSE if scale_m == settings.scales_m[0] else 1.0)
+                normal = weighted.T @ slope + prior + trust
+                pull = weighted.T @ off_m + prior @ (lane.p - usual) + trust @ (lane.p - start.p)
                 p = np.asarray(lane.p - np.linalg.solve(normal, pull), float)
                 lane = LaneCurve(lane.at_m, p, lane.covariance)
         return LaneCurve(lane.at_m, lane.p, np.asarray(np.linalg.inv(normal), float))

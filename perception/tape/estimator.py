@@ -203,18 +203,19 @@ class TapeLane:
         aim = math.exp(-0.5 * (lane.sigma_m(self._settings.lookahead_m, gradient) / sure.aim_sigma_m) ** 2)
         fade = math.exp(-self._unseen_m / sure.coast_m) * self._looks / sure.looks
         self._sure = line * share * clear * aim * fade
-        clothoid = lane.clothoid(self._settings.lookahead_m)
+        reach_m = lane.turning_m(self._settings.lookahead_m)
+        clothoid = lane.clothoid(reach_m)
         left, right = _boundary_pixels(lane, self._raster.camera)
         return SteeringEstimate(
             t_s=t_s,
             estimator=NAME,
             lateral_offset_m=clothoid.offset_m,
             heading_error_rad=clothoid.heading_rad,
-            curvature_1pm=clothoid.curvature_at(self._settings.lookahead_m),
+            curvature_1pm=clothoid.curvature_at(reach_m),
             curvature_rate_1pm2=clothoid.curvature_rate_1pm2,
-            lookahead_m=self._settings.lookahead_m,
+            lookahead_m=reach_m,
             road_wheel_angle_rad=road_wheel_angle(
-                clothoid.pursuit_curvature(self._settings.lookahead_m), wheelbase_m=self._vehicle.wheelbase_m
+                clothoid.pursuit_curvature(reach_m), wheelbase_m=self._vehicle.wheelbase_m
             ),
             confidence=self._sure,
             lanes_detected=sides,

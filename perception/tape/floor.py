@@ -10,8 +10,8 @@ its Hessian that is larger in magnitude belongs to the direction across the line
 counts, the contrast to the more similar side, because it is zero at the edge of a patch of light and at a joint
 between two surfaces. Three planes of colour are searched: grey, yellow against blue, red against green.
 
-Lines of several widths are searched from the narrowest on. A narrow line is a ridge at the scale of a wide one too,
-so a wide one counts where no narrower one has been found.
+Lines of several widths are searched one by one. A line is a ridge at the scale of another width, too, of less
+contrast or beside its middle: where two widths find one within the width of a narrow line, more contrast counts.
 
 Steger, An unbiased detector of curvilinear structures, IEEE PAMI 20(2), 1998; the contrast is B02 of the review.
 """
@@ -31,6 +31,7 @@ from trepid.types import Array, Floats, Image, Mask
 MARGIN_PX = 2.0  # of the image, inside which the raster reads
 ASIDE = 1.1  # of the width of the line: where the floor beside it is compared
 MAD = 0.6745  # median of |x| of a normal deviate
+FAINT = 0.5  # contrast, by that of the strong lines, at which a line has about half their weight
 REMEMBERED = 0.5  # weight of a line that has left the image, whose place has the errors of odometry
 YELLOW_SHARE, YELLOW_GREY = 0.4, 20.0  # of the contrast in yellow by that in grey, and its least value
 
@@ -47,6 +48,11 @@ class TapePoints(NamedTuple):
     contrast: Array  # of grey, yellow - blue and red - green, with their signs [grey levels]
     way_m: Array  # driven since the point was seen
 
+    @property
+    def size(self) -> Array:
+        """The greatest contrast of each [grey levels]."""
+        return _greatest(self.contrast)
+
     def where(self, kept: Mask) -> "TapePoints":
         """The points selected by the mask ``kept``."""
         return TapePoints._make(column[kept] for column in self)
@@ -54,6 +60,10 @@ class TapePoints(NamedTuple):
     def plus(self, other: "TapePoints") -> "TapePoints":
         """These points and then those of ``other``."""
         return TapePoints._make(np.concatenate(pair) for pair in zip(self, other, strict=True))
+
+
+def _greatest(contrast: Array) -> Array:
+    return np.asarray(np.abs(contrast).max(axis=1, initial=0.0), float)
 
 
 NO_POINTS = TapePoints(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty(0))
@@ -72,7 +82,7 @@ class VotingPoints(NamedTuple):
     @classmethod
     def of(cls, points: TapePoints, settings: RoleSettings) -> Self:
         """``points`` with the weights of the lines that ``settings`` describe."""
-        weight = np.where(points.way_m > 0, REMEMBERED, 1.0)
+        weight = np.where(points.way_m > 0, REMEMBERED, 1.0) * _alike(points)
         if settings.yellow is YellowSide.ANY:
             return cls(points, weight, weight)
         grey, yellow = points.contrast[:, 0], points.contrast[:, 1]
@@ -83,6 +93,18 @@ class VotingPoints(NamedTuple):
     def weight(self, left_m: Array) -> Array:
         """Weight of every point at ``left_m`` left of the middle of a lane; lanes may be a further first axis."""
         return np.where(left_m > 0, self.left, self.right)
+
+
+def _alike(points: TapePoints) -> Array:
+    """Share of each point by its contrast c and the c₉ that nine tenths do not exceed: 1.25·c²/(c² + c₉²/4).
+
+    The lines of a track are about equally strong; seams, shadows and the dark strip between a line and a bright
+    floor beside it are weaker.
+    """
+    if not len(points.x_m):
+        return np.empty(0)
+    square = points.size**2
+    return (1 + FAINT**2) * square / (square + FAINT**2 * np.quantile(square, 0.9))
 
 
 @dataclass(frozen=True)
@@ -162,21 +184,19 @@ class FloorRaster:
     def points(self, image: Image) -> TapePoints:
         """The middles of all lines in a BGR ``image``, at most ``most_points`` of them, spread evenly."""
         raster = cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        points, taken = NO_POINTS, np.zeros(self.inside_image.shape, bool)
-        for line_m, searched in zip(self.lines_m, self._searched_cells, strict=True):
-            rows, columns, across, contrast = self._middles(np.asarray(raster, np.uint8), line_m, searched)
-            free = ~taken[rows, columns]
-            points = points.plus(
-                TapePoints(
-                    self.x_m[rows],
-                    self.y_m[columns],
-                    np.asarray(np.angle(1j * across), float),
-                    contrast,
-                    np.zeros(len(rows)),
-                ).where(free)
-            )
-            if line_m != self.lines_m[-1]:
-                taken |= self._around(rows, columns, line_m)
+        found = [
+            self._middles(np.asarray(raster, np.uint8), line_m, searched)
+            for line_m, searched in zip(self.lines_m, self._searched_cells, strict=True)
+        ]
+        spread = [self._spread(rows, columns, contrast) for rows, columns, _, contrast in found]
+        points = NO_POINTS
+        for number, (rows, columns, across, contrast) in enumerate(found):
+            course_rad = np.asarray(np.angle(1j * across), float)
+            some = TapePoints(self.x_m[rows], self.y_m[columns], course_rad, contrast, np.zeros(len(rows)))
+            stronger = np.zeros(len(rows), bool)
+            for other in spread[:number] + spread[number + 1 :]:
+                stronger |= other[rows, columns] > some.size
+            points = points.plus(some.where(~stronger))
         every = max(1, -(-len(points.x_m) // self.settings.most_points))
         return points.where(np.arange(len(points.x_m)) % every == 0)
 
@@ -191,15 +211,15 @@ class FloorRaster:
         crests = _are_crests(ridges.strength, rows, columns, across)
         rows, columns, across = rows[crests], columns[crests], across[crests]
         contrast = self._contrast(planes, line_m, rows, columns, across)
-        found = np.abs(contrast).max(axis=1, initial=0.0) > self.settings.least_grey
+        found = _greatest(contrast) > self.settings.least_grey
         return rows[found], columns[found], across[found], contrast[found]
 
-    def _around(self, rows: Indices, columns: Indices, line_m: float) -> Mask:
-        """The cells within the width of a line of one of these."""
-        found = np.zeros(self.inside_image.shape, np.uint8)
-        found[rows, columns] = 1
-        size = 2 * round(line_m / self.settings.cell_m) + 1
-        return np.asarray(cv2.dilate(found, np.ones((size, size), np.uint8)) > 0)
+    def _spread(self, rows: Indices, columns: Indices, contrast: Array) -> Floats:
+        """The greatest contrast within the width of a narrow line of every cell."""
+        found = np.zeros(self.inside_image.shape, np.float32)
+        found[rows, columns] = _greatest(contrast)
+        size = 2 * round(self.lines_m[0] / self.settings.cell_m) + 1
+        return np.asarray(cv2.dilate(found, np.ones((size, size), np.uint8)), np.float32)
 
     def _contrast(
         self, planes: Floats, line_m: float, rows: Indices, columns: Indices, across: Complex

@@ -57,10 +57,50 @@ def test_one_line_of_a_bend_gives_the_lane_when_the_width_is_known(bend_1pm: flo
     found = CurveFit(SETTINGS, WIDTH_M).fit(start, evenly(points), tracked=False)
     sigma = np.sqrt(np.diag(found.covariance))
     assert found.p[E] == pytest.approx(0.3, abs=sigma[E]) and sigma[E] < 0.15
-    assert found.p[PSI] == pytest.approx(0.0, abs=2 * sigma[PSI]) and sigma[PSI] < 0.12
+    assert found.p[PSI] == pytest.approx(0.0, abs=2 * sigma[PSI]) and sigma[PSI] < 0.15
     placed = found.place(points, found.draw(), SETTINGS.slant_rad)
     assert placed.left_m == pytest.approx(side * found.width_m / 2, abs=0.06)
     assert found.p[BENDS + 3 : BENDS + 7] == pytest.approx(bend_1pm, abs=0.04)
+
+
+def winding(first_1pm: float, then_1pm: float, before_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and direction of a lane with a bend up to ``before_m`` and then one of 90°, by the sum of its chords.
+
+    From 4 m behind the axle to 9 m ahead of it, in steps of 0.15 m.
+    """
+    s_m = np.arange(-4.0, 9.0, 0.15)
+    within = s_m < before_m + math.pi / 2 / abs(then_1pm)
+    turned = np.cumsum(np.where(s_m < before_m, first_1pm, then_1pm * within)) * 0.15
+    here = int(np.argmin(np.abs(s_m)))
+    along = np.exp(1j * (turned - turned[here]))
+    centre = np.cumsum(along) * 0.15
+    return centre - centre[here], along
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+@pytest.mark.parametrize("before_m", [3.0, 2.0, 1.5])
+def test_the_outer_line_gives_the_lane_where_a_bend_tighter_than_its_width_follows_another(
+    turn: float, before_m: float
+) -> None:
+    """R = 5.5 m and then 2.2 m to the other side, as on tiles: three frames from the arc of the first bend."""
+    first_1pm = -0.18 * turn
+    centre, along = winding(first_1pm, turn / 2.2, before_m)
+    outer, count = centre - turn * 1j * along * WIDTH_M / 2, len(centre)
+    points = TapePoints(outer.real, outer.imag, np.angle(along), np.full((count, 3), 50.0), np.zeros(count))
+    left = np.full(count, float(turn < 0))
+    lane = arc(first_1pm)
+    for _ in range(3):
+        lane = CurveFit(SETTINGS, WIDTH_M).fit(lane, VotingPoints(points, left, 1 - left), tracked=True)
+    ahead = lane.draw().centre[(lane.table.fine_m >= 0) & (lane.table.fine_m <= 6)]
+    assert np.abs(ahead[:, None] - centre).min(axis=1).max() < 0.15
+
+
+def test_a_clothoid_stands_for_a_lane_up_to_a_turn_of_a_radian_to_either_side() -> None:
+    assert arc(0.1).turning_m(5.0) == 5.0
+    assert [arc(bend_1pm).turning_m(5.0) for bend_1pm in (0.4, -0.4)] == pytest.approx([2.5, 2.5], abs=0.3)
+    bends = np.interp(SETTINGS.stations_m, [1.4, 1.6], [0.4, -0.4])
+    to_and_fro = LaneCurve(SETTINGS.stations_m, np.r_[0.0, 0.0, WIDTH_M, bends], np.eye(BENDS + len(bends)))
+    assert to_and_fro.turning_m(5.0) < 4.5
 
 
 def test_two_lines_measure_the_width() -> None:

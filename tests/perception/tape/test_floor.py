@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.tape.floor import FloorRaster
+from perception.tape.floor import FloorRaster, TapePoints, VotingPoints
 from perception.tape.memory import LineMemory, thin
 from perception.tape.settings import TapeSettings
 from trepid.car.camera import Camera
@@ -112,6 +112,25 @@ def test_with_two_widths_a_wide_edge_is_found_and_a_narrow_line_counts_once(
         for one, part in ((found, near), (alone, near_alone))
     )
     assert beside_alone >= 24 and beside <= 1.1 * beside_alone
+
+
+def test_a_streak_on_a_wide_line_is_no_line_of_its_own() -> None:
+    both = FloorRaster(CAMERA, SETTINGS.floor, (LINE_M, 2 * LINE_M))
+    wide, streak = strip(5.5 + 0j, 0.0, 4.0, 2 * LINE_M), strip(5.5 - 0.2j, 0.0, 4.0, LINE_M / 2)
+    found = both.points(floor_with((wide, (200, 200, 200)), (streak, (216, 216, 216))))
+    near = (np.abs(found.x_m - 5.5) < 1.2) & (np.abs(found.y_m) < LINE_M)
+    assert np.count_nonzero(near) >= 24
+    assert np.median(found.size[near]) > 60 and np.abs(np.median(found.y_m[near])) < 0.1
+
+
+def test_a_line_much_fainter_than_the_others_hardly_counts() -> None:
+    contrast = np.zeros((20, 3))
+    contrast[:, 0] = [-100.0] * 10 + [90.0] * 8 + [-20.0, 12.0]
+    points = TapePoints(*np.zeros((3, 20)), contrast, np.zeros(20))
+    weight = VotingPoints.of(points, SETTINGS.lane).left
+    assert weight[:18].min() > 0.9 and weight[18:].max() < 0.2
+    faint = points._replace(contrast=0.15 * contrast)
+    assert VotingPoints.of(faint, SETTINGS.lane).left == pytest.approx(weight)
 
 
 def test_a_bare_floor_has_no_line() -> None:
