@@ -46,7 +46,7 @@ CLOSURES = {
         "import perception.node\nfrom perception.estimators import build\nassert build('cv')",
         {"perception"},
         47,
-        4_785,
+        4_790,
     ),
     "cv, which judges the image": Closure(
         "import perception.node\n"
@@ -61,7 +61,7 @@ CLOSURES = {
         "import perception.node\nfrom perception.estimators import build\nassert build('cnn')",
         {"perception"},
         40,
-        4_185,
+        4_190,
     ),
     "segments": Closure(
         "import perception.node, perception.segments.estimator",

@@ -129,11 +129,13 @@ def grade_variance_m2(ahead_m: Array, lane: Lane, camera: Camera, track: TrackSe
     On ground of the vertical curvature κ_v a point x from the lens is κ_v·x²/2 high, and with the height H of the
     lens it has the pixel of flat ground at s·x, s·y, s - 1 = κ_v·x²/(2·H). The lane y(x), as it is seen from the
     lens, moves by (s - 1)·(y - x·y') there; κ_v has the deviation ``vertical_curvature_1pm``. A straight lane that
-    the lens is in the middle of stays where it is on every hill.
+    the lens is in the middle of stays where it is on every hill. The clothoid of a lane that turns back is none:
+    |y - x·y'| counts up to x.
     """
     x_m = np.maximum(ahead_m - camera.x_m, 0.0)
     slope = np.array([lane.slope_at(at_m) for at_m in ahead_m])
     aside_m = np.array([lane.y_m(at_m) for at_m in ahead_m]) - camera.y_m - x_m * slope
+    aside_m = np.clip(aside_m, -x_m, x_m)
     return np.asarray((track.vertical_curvature_1pm * x_m**2 / (2 * camera.height_m) * aside_m) ** 2)
 
 

@@ -12,10 +12,11 @@ from perception.lane.model.prediction import (
     steady,
     unseen_variance_m2,
 )
+from supervisor.supervisor import SupervisorSettings
 from trepid.car.camera import Camera
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import VehicleState
+from trepid.messages import SIGMA_AHEAD_M, VehicleState
 
 SETTINGS = lane_cv_settings()
 
@@ -95,3 +96,14 @@ def test_a_straight_lane_under_the_lens_is_where_it_seems_on_every_hill():
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     middle = Lane(-camera.y_m, 0.0, 0.0, 0.0)
     assert grade_variance_m2(np.array([5.0, 40.0]), middle, camera, SETTINGS.track) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("bend_1pm", [-0.5, 0.5])
+def test_the_deviation_for_an_unknown_grade_stays_possible_in_the_tightest_bend(bend_1pm):
+    camera, limits = (
+        load(CONFIG_DIR / "camera.yaml", Camera),
+        load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings),
+    )
+    lane_of_flat = Lane(0.3, 0.5, bend_1pm, 0.05)
+    variance_m2 = grade_variance_m2(np.array(SIGMA_AHEAD_M), lane_of_flat, camera, SETTINGS.track)
+    assert np.sqrt(variance_m2).max() < limits.validation.max_sigma_m / 5
