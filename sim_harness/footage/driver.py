@@ -7,8 +7,8 @@ from trepid.messages import Decision, Mode
 class SafetyDriver:
     """Drives at first, and whenever the car does not.
 
-    The supervisor never leaves a stop on the move but the one in which it starts, so a driver who takes over from
-    another one begins a new drive.
+    On the move, the supervisor leaves only the stop in which it starts. After any other stop the loop therefore
+    starts a new drive.
     """
 
     def __init__(self, run_up_s: float) -> None:

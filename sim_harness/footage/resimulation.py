@@ -49,7 +49,7 @@ RUN_UP_S = 2.2  # a driver must have driven for 2 s before the supervisor takes 
 SUPERVISED = ("cv", "cnn")  # estimators of the default drive
 INTERVENTION_M = 1.0  # Bojarski et al., section 7
 LEAST_S = 0.5  # after the run-up
-RETURN_S = 1.0  # of a driver who has taken over, to the recorded path
+RETURN_S = 1.0  # time constant of the return to the recorded path, under a driver who has taken over
 STAYS = math.exp(-PERIOD_S / RETURN_S)  # of the distance from it, in a period
 HOME_M = 0.2  # within this distance of the unshifted run the car has returned
 
@@ -220,7 +220,10 @@ class _Loop:
         return self._result()
 
     def _change_driver(self, now_s: float) -> None:
-        """Let the driver hand over or take over; who takes over from a car that drove begins a new drive."""
+        """Switch between driver and car.
+
+        The driver takes over at the place of the car. A new drive starts, unless the stop is that of the start.
+        """
         drove, decision = not self._driver.drives, self._stack.decision
         if self._driver.step(decision, now_s=now_s) and drove:
             self._place = PoseChange(left_m=self._state.y_m, yaw_rad=self._state.yaw_rad)

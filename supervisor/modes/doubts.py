@@ -216,7 +216,7 @@ def doubts_of(modes: ModeSettings) -> tuple[Doubt, ...]:
     """DOUBTS, and a row for every cause under ``stop_after_s`` and ``emergency_after_s``.
 
     The time is held while another cause of the same section is active, because these doubts concern the same road.
-    That of an emergency does not count while a driver drives, who answers for the road until the car does.
+    The time before an emergency stop does not run while a driver drives: the driver is responsible for the road.
     """
     return (
         *DOUBTS,
