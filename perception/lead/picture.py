@@ -189,15 +189,15 @@ class Pictures:
 
     def _stretch_beside(self, image: Image, one: Detection, before: _Moment) -> tuple[float, float]:
         """The logarithm of the stretch in the rows beside those of a place, and its correlation."""
-        views = (self._view(image, one.ahead_m, one.left_m, up_px) for up_px in ROWS_UP_PX)
-        likeness = {
-            view.stretch(before.profile, before.per_m, STRETCHES[COARSE], SHIFTS_M[COARSE])[1]: view
-            for view in views
-            if view is not None
-        }
-        if not likeness:
+
+        def likeness(view: _View) -> float:
+            return view.stretch(before.profile, before.per_m, STRETCHES[COARSE], SHIFTS_M[COARSE])[1]
+
+        beside = (self._view(image, one.ahead_m, one.left_m, up_px) for up_px in ROWS_UP_PX)
+        views = [view for view in beside if view is not None]
+        if not views:
             return 0.0, -1.0
-        return likeness[max(likeness)].stretch(before.profile, before.per_m, STRETCHES)
+        return max(views, key=likeness).stretch(before.profile, before.per_m, STRETCHES)
 
     def _view(self, image: Image, ahead_m: float, left_m: float, up_px: float = 0.0) -> "_View | None":
         """The rows of ``image`` ``up_px`` above a place on flat ground; None where they are not within it."""

@@ -188,7 +188,9 @@ class FloorRaster:
             self._middles(np.asarray(raster, np.uint8), line_m, searched)
             for line_m, searched in zip(self.lines_m, self._searched_cells, strict=True)
         ]
-        spread = [self._spread(rows, columns, contrast) for rows, columns, _, contrast in found]
+        spread: list[Floats] = []
+        if len(found) > 1:
+            spread = [self._spread(rows, columns, contrast) for rows, columns, _, contrast in found]
         points = NO_POINTS
         for number, (rows, columns, across, contrast) in enumerate(found):
             course_rad = np.asarray(np.angle(1j * across), float)

@@ -118,7 +118,7 @@ class _Track(NamedTuple):
 
     t_s: float
     lane: Lane
-    ahead_m: float  # up to which the lane is compared
+    ahead_m: float  # up to which the lane may be compared
     square_m2: RunningMean  # of squared jumps by time
     path_jitter: _PathJitter
     drift: _Drift
@@ -129,12 +129,12 @@ class _Track(NamedTuple):
         if not 0 < dt_s <= LONGEST_S:
             anew = self.path_jitter._replace(before=lane, way_m=0.0)
             return _Track(t_s, lane, ahead_m, RunningMean(0.0), anew, _Drift(lane, ahead_m))
-        stated_m, ahead_m = ahead_m, at_most(self.ahead_m, ahead_m)
-        jump_m = lane.y_m(ahead_m) - self.lane.after(motion, dt_s).y_m(ahead_m)
+        common_m = at_most(self.ahead_m, ahead_m)
+        jump_m = lane.y_m(common_m) - self.lane.after(motion, dt_s).y_m(common_m)
         square_m2 = self.square_m2.after(jump_m**2, dt_s, length=MEMORY_S)
-        path_jitter = self.path_jitter.after(lane, motion, dt_s, ahead_m)
-        drift = self.drift.after(lane, motion, dt_s, jump_m=jump_m, ahead_m=stated_m)
-        return _Track(t_s, lane, stated_m, square_m2, path_jitter, drift)
+        path_jitter = self.path_jitter.after(lane, motion, dt_s, common_m)
+        drift = self.drift.after(lane, motion, dt_s, jump_m=jump_m, ahead_m=ahead_m)
+        return _Track(t_s, lane, ahead_m, square_m2, path_jitter, drift)
 
 
 class Consistency:

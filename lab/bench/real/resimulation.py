@@ -26,7 +26,7 @@ from lab.bench.real.look import supervised_estimators
 from lab.bench.real.supervision import cause_shares
 from sim_harness.footage.clip import ClipFrames
 from sim_harness.footage.reprojection import PoseChange
-from sim_harness.footage.resimulation import resimulate
+from sim_harness.footage.resimulation import Resimulation, resimulate
 from sim_harness.footage.visual_motion import speed_mps, yaw_changes_rad
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint, import_closure
 from sim_harness.sweep.store import Row, stored_rows
@@ -87,17 +87,11 @@ def bench_resimulation(*, data: Path | None = None, jobs: int = 1) -> dict[str, 
         codes=dict.fromkeys(keys, _code()),
         jobs=jobs,
     )
-    driven = [(one.name, row) for one, row in zip(runs, rows, strict=True) if row["runs"]]
-    return {
-        "by_set": {
-            name: scores(list(of_set(driven, name))) for name in dict.fromkeys(name for name, _ in driven)
-        }
-    }
-
-
-def of_set(driven: Sequence[tuple[str, Row]], name: str) -> Iterator[Row]:
-    """The rows of the set ``name``."""
-    return (row for other, row in driven if other == name)
+    by_set: dict[str, list[Row]] = {}
+    for one, row in zip(runs, rows, strict=True):
+        if row["runs"]:
+            by_set.setdefault(one.name, []).append(row)
+    return {"by_set": {name: scores(driven) for name, driven in by_set.items()}}
 
 
 def _code() -> str:
@@ -127,8 +121,13 @@ def driven_row(run: Run) -> Row:
         estimators=supervised_estimators(),
         assumed=one.assumed,
     )
-    speed_mps = float(one.drive.speed_mps.mean())
-    return {"runs": 1, "speed_mps": speed_mps, "causes": list(driven.causes), **driven.row()}
+    return row_of(one, driven)
+
+
+def row_of(stretch: Stretch, driven: Resimulation) -> Row:
+    """The row of a run over a stretch: that of the run, its speed, its causes of fear, its exact duration."""
+    own = {"runs": 1, "speed_mps": float(stretch.drive.speed_mps.mean()), "causes": list(driven.causes)}
+    return driven.row() | own | {"duration_s": driven.duration_s}
 
 
 def stretches_of(name: str, pictures: Iterator[Picture]) -> Iterator[Stretch]:
