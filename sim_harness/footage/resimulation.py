@@ -13,6 +13,7 @@ begins a new drive, because the recording does not stand still (:mod:`.driver`).
 """
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -36,7 +37,7 @@ from sim_harness.world.plants.settings import PlantSettings
 from trepid.car.vehicle import Vehicle
 from trepid.causes import Cause
 from trepid.config import InputError
-from trepid.messages import Command, Frame, Mode, SteeringEstimate, VehicleState
+from trepid.messages import Command, Decision, Frame, Mode, SteeringEstimate, VehicleState
 from trepid.types import Array, Image, Mask
 
 PERIOD_S = 0.01  # of the vehicle; as in lock-step
@@ -51,6 +52,8 @@ INTERVENTION_M = 1.0  # Bojarski et al., section 7
 LEAST_S = 0.5  # after the run-up
 RETURN_S = 1.0  # time constant of the return to the recorded path, under a driver who has taken over
 STAYS = math.exp(-PERIOD_S / RETURN_S)  # of the distance from it, in a period
+AFRAID = re.compile(r"\(now [\d.]+: (.+)\)")  # what the car is afraid of
+UP_TO_A_NUMBER = re.compile(r"(\D+?)(?: -?\d|$)")
 HOME_M = 0.2  # within this distance of the unshifted run the car has returned
 
 
@@ -66,7 +69,7 @@ class Resimulation:
     fear: Array
     interventions: int
     engaged: Mask  # by frame: the car drives
-    causes: tuple[str, ...]  # of fear, by frame
+    causes: tuple[str, ...]  # of fear, by frame; :func:`cause_of`
 
     @property
     def duration_s(self) -> float:
@@ -154,6 +157,13 @@ def resimulate(
     # Odometry would measure another camera than that of the simulated world, which is that of the drive.
     built = build_beside(estimators, drive.camera, vehicle, assumed=assumed, odometry=StateOdometry.NONE)
     return _Loop(drive, vehicle, start, built, run_up_s, assumed).run()
+
+
+def cause_of(decision: Decision) -> str:
+    """The cause of fear; of a stop also what the car waits for, in the words of the supervisor without numbers."""
+    _, _, awaited = decision.waits_for.partition(f"{decision.cause}: ")
+    words = AFRAID.search(awaited) or UP_TO_A_NUMBER.match(awaited)
+    return f"{decision.cause}: {words[1]}" if awaited and words else decision.cause
 
 
 class _Loop:
@@ -286,7 +296,7 @@ class _Loop:
         self._engaged.append(
             not self._driver.drives and decision is not None and decision.mode is not Mode.STOP
         )
-        self._causes.append(decision.cause if decision else Cause.STARTING)
+        self._causes.append(cause_of(decision) if decision else Cause.STARTING)
 
     def _result(self) -> Resimulation:
         t_s, offset_m, heading_rad, seen_m, unseen, fear = np.array(self._rows, float).T

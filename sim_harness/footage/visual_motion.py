@@ -9,7 +9,9 @@ camera turns about the vertical and about its right-hand axis. Without the unkno
 which is linear in the two rotations. (x₀, y₀) follows from the camera file; its error appears as a slow turn.
 Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, Proc. R. Soc. B 208 (1980). Corners by
 Shi and Tomasi, tracked by the method of Lucas and Kanade; robust weights suppress outliers (shadows, other cars,
-insects).
+insects, the own bonnet). Their scale begins wide and narrows from round to round (graduated non-convexity; Blake
+and Zisserman, Visual Reconstruction, 1987): with a narrow one from the start, ten corners that stand still on the
+bonnet outweigh eighty that turn.
 
 Speed: relative to the horizon row a point of the ground at the distance x lies at v = f·h/x, so that the way
 between two frames is Δ = f·h·(1/v − 1/v′) (:mod:`perception.camera.ground_flow`). It has the scale of the camera's
@@ -34,9 +36,9 @@ LEAST_CORNERS = 8
 QUALITY, APART_PX = 0.01, 7
 LOST_PX = 0.5  # largest error of a corner tracked forth and back
 BONNET_SHARE = 0.9  # rows below this share of the height may show the bonnet
-ROUNDS = 5
 BEND_ROUNDS = 3
-NEAR = 2e-3  # scale of the Cauchy weight: a third of a pixel of a small image
+NEAR = 2e-3  # last scale of the Cauchy weight: a third of a pixel of a small image
+SCALES = 0.1, 0.03, 0.01, 0.004, NEAR, NEAR  # of the rounds; few cars turn more than the first
 LEAST_STEP_M = 0.1  # below, the distance between frames is noise
 SPEEDS_HPS = np.geomspace(0.5, 30.0, 24)  # [heights of the camera per second] that are tried
 LOOKS = 24  # pairs of frames, spread over the drive
@@ -112,8 +114,8 @@ def _turn(track: _Track, x0: float, y0: float) -> float:
     matrix = np.column_stack([(across * track.per_yaw).sum(axis=1), (across * track.per_pitch).sum(axis=1)])
     wanted = (across * track.motion).sum(axis=1)
     off, yaw = wanted, 0.0
-    for _ in range(ROUNDS):
-        root = 1.0 / np.hypot(1.0, off / NEAR)
+    for scale in SCALES:
+        root = 1.0 / np.hypot(1.0, off / scale)
         turn = np.linalg.lstsq(matrix * root[:, None], wanted * root, rcond=None)[0]
         off, yaw = wanted - matrix @ turn, float(turn[0])
     return yaw

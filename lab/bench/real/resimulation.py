@@ -1,17 +1,16 @@
 """`trepid bench resimulation`: the supervised car in closed loop on footage that others drove.
 
-Stretches of every drive of the sets are re-projected to the car (:mod:`sim_harness.footage.resimulation`). The
-recorded steering gives the path: the yaw rate is speed times steering times a gain, fitted to the yaw rate in the
-images over all stretches, because the lock of those cars is not known. A clip without steering has the path of the
-yaw rate in its images. The speed is that of the log or of the sequence, else that of the ground in the images, in
-the metres of the assumed camera (:mod:`sim_harness.footage.visual_motion`).
+Stretches of every drive of the sets are re-projected to the car (:mod:`sim_harness.footage.resimulation`). The path
+is that of the yaw rate in the images: lock, trim and lag of the recorded steering are not known. The speed is that
+of the log or of the sequence, else that of the ground in the images, in the metres of the assumed camera
+(:mod:`sim_harness.footage.visual_motion`).
 
 Every run is one line in ``runs/resimulation.jsonl``; stored ones are not repeated, so that an interrupted benchmark
 continues.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from itertools import groupby, pairwise, product
 from pathlib import Path
@@ -27,12 +26,11 @@ from lab.bench.real.supervision import cause_shares
 from sim_harness.footage.clip import ClipFrames
 from sim_harness.footage.reprojection import PoseChange
 from sim_harness.footage.resimulation import Resimulation, resimulate
-from sim_harness.footage.visual_motion import speed_mps, yaw_changes_rad
+from sim_harness.footage.visual_motion import speed_mps
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint, import_closure
 from sim_harness.sweep.store import Row, stored_rows
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, WORK_DIR, InputError, load
-from trepid.types import Array
 
 PARTS = Stretches(4, 150)
 PAUSE_S = 0.5  # a longer time between two frames ends a stretch
@@ -52,10 +50,9 @@ SPEEDS_MPS = {"highway_udacity_p1": sets.HIGHWAY_MPS}
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of a drive, and its recorded steering."""
+    """A part of a drive."""
 
     drive: ClipFrames
-    steering_rad: Array | None
     assumed: bool  # the camera is self-calibrated
 
 
@@ -105,7 +102,7 @@ def _stretches(folder: str) -> list[Stretch]:
     """Those of a set; a process reads each set once."""
     cv2.setNumThreads(1)
     path = Path(folder)
-    return with_paths(list(stretches_of(path.name, FOOTAGE[path.name](path))))
+    return list(stretches_of(path.name, FOOTAGE[path.name](path)))
 
 
 def driven_row(run: Run) -> Row:
@@ -144,9 +141,7 @@ def stretches_of(name: str, pictures: Iterator[Picture]) -> Iterator[Stretch]:
         if mean_mps is None:
             continue
         speeds = np.array(logged) if len(logged) == len(part) else np.full(len(part), mean_mps)
-        angles = [picture.steering_rad for picture in part if picture.steering_rad is not None]
-        drive = ClipFrames(part[0].drive, images, t_s, speeds, camera)
-        yield Stretch(drive, np.array(angles) if len(angles) == len(part) else None, part[0].assumed)
+        yield Stretch(ClipFrames(part[0].drive, images, t_s, speeds, camera), part[0].assumed)
 
 
 def _longest(pictures: Sequence[Picture]) -> Sequence[Picture]:
@@ -155,32 +150,6 @@ def _longest(pictures: Sequence[Picture]) -> Sequence[Picture]:
     ends = [0, *(np.flatnonzero(np.diff(times_s) > PAUSE_S) + 1).tolist(), len(pictures)]
     first, last = max(pairwise(ends), key=lambda part: part[1] - part[0])
     return pictures[first:last]
-
-
-def with_paths(stretches: Sequence[Stretch]) -> list[Stretch]:
-    """The ``stretches`` with the yaw rate of their steering, by one gain fitted to that in all images."""
-    steered = [one for one in stretches if one.steering_rad is not None]
-    if not steered:
-        return list(stretches)
-    seen, demanded = (np.concatenate(values) for values in zip(*map(_yaw_rates, steered), strict=True))
-    known = np.isfinite(seen)
-    gain = float(seen[known] @ demanded[known] / (demanded[known] @ demanded[known]))
-    return [
-        one
-        if one.steering_rad is None
-        else replace(
-            one, drive=replace(one.drive, given_yaw_radps=gain * one.drive.speed_mps * one.steering_rad)
-        )
-        for one in stretches
-    ]
-
-
-def _yaw_rates(stretch: Stretch) -> tuple[Array, Array]:
-    """Yaw rate in the images, and speed times steering, from frame to frame."""
-    drive, steering_rad = stretch.drive, stretch.steering_rad
-    assert steering_rad is not None
-    seen = yaw_changes_rad(drive.frames, drive.camera, np.diff(drive.station_m)) / np.diff(drive.t_s)
-    return seen, (drive.speed_mps * steering_rad)[:-1]
 
 
 def scores(rows: Sequence[Row]) -> dict[str, float | str | None]:

@@ -5,6 +5,7 @@ import math
 import os
 from dataclasses import replace
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 
 import cv2
@@ -206,6 +207,26 @@ def test_the_yaw_of_a_car_is_measured_from_its_pictures():
     )
 
 
+@pytest.mark.parametrize("turn_rad", [0.02, 0.06, -0.1])
+def test_corners_that_stand_still_on_the_bonnet_do_not_hide_a_turn(turn_rad):
+    rng = np.random.default_rng(0)
+    depth_m = rng.uniform(4.0, 60.0, 80)
+    down_m = np.where(rng.random(80) < 0.5, 1.2, rng.uniform(-6.0, 0.0, 80))  # ground, or above the horizon
+    before = np.column_stack([rng.uniform(-0.8, 0.8, 80) * depth_m, down_m, depth_m])
+    turn = cv2.Rodrigues(np.array([0.0, turn_rad, 0.0]))[
+        0
+    ]  # of the points to the right: of the car to the left
+    after = (before - [0.0, 0.0, 0.5]) @ turn.T
+    place, there = (points[:, :2] / points[:, 2:] for points in (before, after))
+    bonnet = np.column_stack([rng.uniform(-0.6, 0.6, 10), rng.uniform(0.5, 0.7, 10)])
+    corners = np.vstack([place, bonnet])
+    motion = np.vstack([there - place, np.zeros((10, 2))]) + rng.normal(0.0, 3e-4, (90, 2))
+    up, right = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    turning = (visual_motion._rotating(corners, axis) for axis in (up, right))
+    found = visual_motion._turn(visual_motion._Track(corners, motion, *turning), 0.0, 0.0)
+    assert found == pytest.approx(turn_rad, abs=0.002)
+
+
 def test_pictures_without_features_to_track_are_refused_with_a_message():
     grey = [np.full((240, 320, 3), 90, np.uint8)] * 80
     drive = ClipFrames("grey", grey, np.arange(80) / 25, np.full(80, SPEED_MPS), CAMERA)
@@ -246,6 +267,13 @@ def test_a_driver_takes_over_when_the_car_stops_and_hands_it_over_again_when_it_
     assert 3.0 < stopped < 3.8
     assert 3.8 + 2.0 < again < 3.8 + 2.2  # healthy for 2 s
     assert (run.stops, run.interventions) == (1, 0)
+    waits = [cause for cause, _ in groupby(run.causes) if cause.startswith("starting")]
+    assert waits[0] == "starting: ready; drives when the driver lets go"
+    assert waits[-2:] == ["starting: takes over after", waits[0]]
+    assert (
+        "starting: no lane seen" in waits
+        or "starting: waits for a lane with a confidence of at least" in waits
+    )
 
 
 def test_a_car_that_was_never_engaged_has_no_autonomy():

@@ -10,14 +10,13 @@ import pytest
 from lab.bench.perception.unknown_camera import unknown_drive
 from lab.bench.real import resimulation
 from lab.bench.real.frames import Picture
-from lab.bench.real.resimulation import bench_resimulation, row_of, scores, stretches_of, with_paths
+from lab.bench.real.resimulation import bench_resimulation, row_of, scores, stretches_of
 from sim_harness.footage.reprojection import PoseChange
 from sim_harness.footage.resimulation import resimulate
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 
 pytestmark = pytest.mark.long
-GAIN = 0.4  # of yaw rate over speed times steering
 
 
 @cache
@@ -27,7 +26,7 @@ def moments() -> tuple[Any, ...]:
 
 
 def pictures(pause_s: float = 0.0, *, count: int = 160, speed_mps: float | None = None) -> list[Picture]:
-    """A rendered winding drive with a steering that its yaw rates follow from; a pause after 20 frames."""
+    """A rendered winding drive, with a pause after 20 frames."""
     drive = unknown_drive(5, 0)
     return [
         Picture(
@@ -35,7 +34,7 @@ def pictures(pause_s: float = 0.0, *, count: int = 160, speed_mps: float | None 
             one.t_s + (pause_s if number >= 20 else 0.0),
             one.image,
             drive.camera,
-            steering_rad=drive.course.yaw_rate_radps(one.t_s) / drive.course.speed_mps / GAIN,
+            steering_rad=0.1,  # of wheels out of trim
             speed_mps=speed_mps,
         )
         for number, one in enumerate(moments()[:count])
@@ -56,21 +55,15 @@ def test_the_speed_is_that_of_the_log_or_of_the_ground():
     assert seen.drive.speed_mps[0] == pytest.approx(true_mps, rel=0.1)
 
 
-def test_the_steering_gives_the_path_by_a_gain_fitted_to_the_images():
+def test_the_path_is_that_of_the_images_whatever_the_steering_says():
     drive = unknown_drive(5, 0)
-    (stretch,) = with_paths(list(stretches_of("set", iter(pictures(speed_mps=drive.course.speed_mps)))))
+    (stretch,) = stretches_of("set", iter(pictures(speed_mps=drive.course.speed_mps)))
     true = np.array([drive.course.yaw_rate_radps(t_s) for t_s in stretch.drive.t_s])
-    assert stretch.drive.yaw_rates_radps == pytest.approx(true, abs=0.15 * np.abs(true).max())
-
-
-def test_without_steering_the_path_is_that_of_the_images():
-    bare = [replace(one, steering_rad=None) for one in pictures(speed_mps=9.0)]
-    (stretch,) = with_paths(list(stretches_of("set", iter(bare))))
-    assert stretch.drive.given_yaw_radps is None
+    assert stretch.drive.yaw_rates_radps == pytest.approx(true, abs=0.25 * np.abs(true).max())
 
 
 def test_the_scores_are_means_over_runs_and_sums_of_interventions():
-    (stretch,) = with_paths(list(stretches_of("set", iter(pictures(count=125, speed_mps=10.4)))))
+    (stretch,) = stretches_of("set", iter(pictures(count=125, speed_mps=10.4)))
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     run = resimulate(stretch.drive, vehicle, start=PoseChange(left_m=0.5))
     never = np.zeros(len(run.t_s), bool)
