@@ -174,13 +174,19 @@ class TapeLane:
         part = (table.fine_m > -BEHIND_M) & (table.fine_m < settings.sure.near_m)
         for sign in (1.0, -1.0):
             side = drawn.centre[part] + sign * 1j * aside_m * drawn.along[part]
-            visible_m += STEP_M * np.count_nonzero(self._raster.sees(side.real, side.imag))
+            line_m = self._usual_width_m(voting.points.line_m[on & (sign * placed.left_m > 0)])
+            shown = self._raster.sees(side.real, side.imag, np.full(len(side), line_m))
+            visible_m += STEP_M * np.count_nonzero(shown)
         return Evidence(
             seen_m=(lengths[0], lengths[1]),
             visible_m=visible_m,
             remembered_m=lengths[2] + lengths[3],
             inside_m=STEP_M * len(np.unique(placed.station[inside])),
         )
+
+    def _usual_width_m(self, widths_m: Array) -> float:
+        """The most frequent of ``widths_m`` of the points of a boundary; the narrowest width without a point."""
+        return max(self._raster.lines_m, key=lambda line_m: np.count_nonzero(widths_m == line_m))
 
     def _estimate(self, t_s: float, voting: VotingPoints) -> SteeringEstimate:
         lane, sure = self._lane, self._settings.sure

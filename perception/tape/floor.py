@@ -46,6 +46,7 @@ class TapePoints(NamedTuple):
     y_m: Array
     course_rad: Array  # direction of the line, modulo π
     contrast: Array  # of grey, yellow - blue and red - green, with their signs [grey levels]
+    line_m: Array  # width of the lines among which the point was found
     way_m: Array  # driven since the point was seen
 
     @property
@@ -66,7 +67,7 @@ def _greatest(contrast: Array) -> Array:
     return np.asarray(np.abs(contrast).max(axis=1, initial=0.0), float)
 
 
-NO_POINTS = TapePoints(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty(0))
+NO_POINTS = TapePoints(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0))
 
 
 class VotingPoints(NamedTuple):
@@ -171,14 +172,16 @@ class FloorRaster:
         """Standard deviation of the smoothing, at which a line of ``line_m`` is a ridge of the greatest λ·σ²."""
         return float(max(line_m / np.sqrt(12), self.settings.cell_m))
 
-    def sees(self, x_m: Array, y_m: Array) -> Mask:
-        """Whether the image shows the floor at each of the points (n,), shape (n,)."""
+    def sees(self, x_m: Array, y_m: Array, line_m: Array) -> Mask:
+        """Whether the image shows lines of the widths ``line_m`` and the floor beside them at points, all (n,)."""
         cell_m = self.settings.cell_m
         row = np.rint((x_m - self.x_m[0]) / cell_m).astype(int)
         column = np.rint((y_m - self.y_m[0]) / cell_m).astype(int)
         inside = (row >= 0) & (row < len(self.x_m)) & (column >= 0) & (column < len(self.y_m))
         found = np.zeros(len(x_m), bool)
-        found[inside] = self._searched_cells[0][row[inside], column[inside]]
+        for width_m, searched in zip(self.lines_m, self._searched_cells, strict=True):
+            part = inside & (line_m == width_m)
+            found[part] = searched[row[part], column[part]]
         return found
 
     def points(self, image: Image) -> TapePoints:
@@ -194,7 +197,14 @@ class FloorRaster:
         points = NO_POINTS
         for number, (rows, columns, across, contrast) in enumerate(found):
             course_rad = np.asarray(np.angle(1j * across), float)
-            some = TapePoints(self.x_m[rows], self.y_m[columns], course_rad, contrast, np.zeros(len(rows)))
+            some = TapePoints(
+                self.x_m[rows],
+                self.y_m[columns],
+                course_rad,
+                contrast,
+                np.full(len(rows), self.lines_m[number]),
+                np.zeros(len(rows)),
+            )
             stronger = np.zeros(len(rows), bool)
             for other in spread[:number] + spread[number + 1 :]:
                 stronger |= other[rows, columns] > some.size

@@ -26,14 +26,19 @@ class LineMemory:
         along_m, aside_m = chord(way_m, turned_rad)
         at = (points.x_m - along_m + 1j * (points.y_m - aside_m)) * np.exp(-1j * turned_rad)
         moved = TapePoints(
-            at.real, at.imag, points.course_rad - turned_rad, points.contrast, points.way_m + abs(way_m)
+            at.real,
+            at.imag,
+            points.course_rad - turned_rad,
+            points.contrast,
+            points.line_m,
+            points.way_m + abs(way_m),
         )
         kept = (moved.way_m < settings.keep_m) & (moved.x_m > -settings.behind_m)
         self.points = moved.where(kept)
 
     def update(self, seen: TapePoints, raster: FloorRaster) -> TapePoints:
         """``seen`` in place of what was remembered where ``raster`` shows the floor; all of it is returned."""
-        old = self.points.where(~raster.sees(self.points.x_m, self.points.y_m))
+        old = self.points.where(~raster.sees(self.points.x_m, self.points.y_m, self.points.line_m))
         old = old.where(np.arange(len(old.x_m)) >= len(old.x_m) - self._settings.most_points)
         self.points = old.plus(thin(seen))
         return self.points

@@ -35,7 +35,7 @@ def line_points(
     course = bend_1pm * s_m
     at = middle + (1 / bend_1pm - side * WIDTH_M / 2) * np.exp(1j * (course - math.pi / 2))
     count = len(s_m)
-    return TapePoints(at.real, at.imag, course, np.full((count, 3), 50.0), np.zeros(count))
+    return TapePoints(at.real, at.imag, course, np.full((count, 3), 50.0), np.ones(count), np.zeros(count))
 
 
 @pytest.mark.parametrize("bend_1pm", [0.2, -0.2, 0.1, 0.3])
@@ -86,7 +86,9 @@ def test_the_outer_line_gives_the_lane_where_a_bend_tighter_than_its_width_follo
     first_1pm = -0.18 * turn
     centre, along = winding(first_1pm, turn / 2.2, before_m)
     outer, count = centre - turn * 1j * along * WIDTH_M / 2, len(centre)
-    points = TapePoints(outer.real, outer.imag, np.angle(along), np.full((count, 3), 50.0), np.zeros(count))
+    points = TapePoints(
+        outer.real, outer.imag, np.angle(along), np.full((count, 3), 50.0), np.ones(count), np.zeros(count)
+    )
     left = np.full(count, float(turn < 0))
     lane = arc(first_1pm)
     for _ in range(3):
@@ -155,7 +157,12 @@ def test_the_derivatives_of_the_distance_are_those_by_differences(
 def test_a_line_across_the_lane_counts_for_no_boundary() -> None:
     lane = arc(0.0)
     across = TapePoints(
-        np.full(9, 2.0), np.linspace(-2, 2, 9), np.full(9, math.pi / 2), np.ones((9, 3)), np.zeros(9)
+        np.full(9, 2.0),
+        np.linspace(-2, 2, 9),
+        np.full(9, math.pi / 2),
+        np.ones((9, 3)),
+        np.ones(9),
+        np.zeros(9),
     )
     assert not lane.place(across, lane.draw(), SETTINGS.slant_rad).beside.any()
 

@@ -126,7 +126,7 @@ def test_a_streak_on_a_wide_line_is_no_line_of_its_own() -> None:
 def test_a_line_much_fainter_than_the_others_hardly_counts() -> None:
     contrast = np.zeros((20, 3))
     contrast[:, 0] = [-100.0] * 10 + [90.0] * 8 + [-20.0, 12.0]
-    points = TapePoints(*np.zeros((3, 20)), contrast, np.zeros(20))
+    points = TapePoints(*np.zeros((3, 20)), contrast, np.ones(20), np.zeros(20))
     weight = VotingPoints.of(points, SETTINGS.lane).left
     assert weight[:18].min() > 0.9 and weight[18:].max() < 0.2
     faint = points._replace(contrast=0.15 * contrast)
@@ -153,6 +153,28 @@ def test_lines_beside_the_image_are_remembered_and_move_with_the_car() -> None:
     assert len(old.x_m) >= 5
     apart = np.abs((old.x_m + 1j * old.y_m)[:, None] - expected).min(axis=1)
     assert apart.max() < 0.02  # ten chords for one arc
+
+
+def test_a_line_too_wide_to_be_found_at_the_edge_of_the_image_is_remembered_there() -> None:
+    both = FloorRaster(CAMERA, SETTINGS.floor, (LINE_M, 2 * LINE_M))
+    at_m = np.arange(both.x_m[0], 9.0, 0.2)
+    edge_m = np.full(len(at_m), 1.0) * np.interp(at_m, [both.x_m[0], 9.0], [0.5, 5.5])
+    narrow, wide = (both.sees(at_m, edge_m, np.full(len(at_m), line_m)) for line_m in both.lines_m)
+    margin = narrow & ~wide  # a narrow line is found in these places, a wide one is not
+    assert margin.any() and not (wide & ~narrow).any()
+    memory, count = LineMemory(SETTINGS.memory), np.count_nonzero(margin)
+    seen = TapePoints(
+        at_m[margin] + 0.3,
+        edge_m[margin],
+        np.zeros(count),
+        np.full((count, 3), 50.0),
+        np.resize(both.lines_m, count),
+        np.zeros(count),
+    )
+    memory.update(seen, both)
+    memory.move(0.3, 0.0)
+    kept = memory.update(both.points(floor_with()), both)
+    assert len(kept.x_m) and set(kept.line_m) == {2 * LINE_M}
 
 
 def test_lines_of_long_ago_are_forgotten() -> None:
