@@ -30,7 +30,7 @@ from trepid.types import Array, Mask
 
 E, PSI, WIDTH, BENDS = 0, 1, 2, 3  # in the vector p
 STEP_M = 0.25  # between the points at which the lane is computed
-TURN_RAD, LEAST_STEPS = 1.0, 6  # turn of a lane, and steps of STEP_M, over which a clothoid stands for it
+TURN_RAD, ASIDE_M, LEAST_STEPS = 1.0, 0.15, 6  # of a lane: turn, error and steps of STEP_M of its clothoid
 LOOSE = 0.07  # the most weight of a change of curvature at the first scale
 STEPS = 2  # of Gauss-Newton, for each scale
 
@@ -136,19 +136,24 @@ class LaneCurve:
         p = np.r_[float(rest.imag), heading, self.p[WIDTH], bends]
         return type(self)(self.at_m, p, self.covariance)
 
-    def turning_m(self, most_m: float) -> float:
-        """The way [m] on which the lane turns by a radian, to either side, ∫|κ|du = 1; at most ``most_m``."""
-        table = self.table
-        turned = np.cumsum(np.abs(table.bend @ self.p[BENDS:])[table.zero :]) * STEP_M
-        return min(STEP_M * max(int(np.searchsorted(turned, TURN_RAD)), LEAST_STEPS), most_m)
+    def clothoid(self, most_m: float) -> Lane:
+        """The clothoid from the axle that turns as this lane does: least squares of the angle.
 
-    def clothoid(self, reach_m: float) -> Lane:
-        """The clothoid from the axle that turns as this lane does up to ``reach_m``: least squares of the angle."""
-        table = self.table
-        part = (table.fine_m >= 0) & (table.fine_m <= reach_m)
-        s_m, turned = table.fine_m[part], (table.turn @ self.p[BENDS:])[part]
-        (bend, rate), *_ = np.linalg.lstsq(np.column_stack([s_m, s_m**2 / 2]), turned, rcond=None)
-        return Lane(float(self.p[E]), float(self.p[PSI]), float(bend), float(rate))
+        It ends at most ``most_m`` ahead, after a radian of turns to either side, and before its own error aside,
+        the integral of that of the angle, exceeds ASIDE_M: behind a tight bend no clothoid follows the lane.
+        """
+        table, bends = self.table, self.p[BENDS:]
+        turned = (table.turn @ bends)[table.zero :]
+        to_either_side = np.cumsum(np.abs(table.bend @ bends)[table.zero :]) * STEP_M
+        steps = min(max(int(np.searchsorted(to_either_side, TURN_RAD)), LEAST_STEPS), round(most_m / STEP_M))
+        while True:
+            s_m = table.fine_m[table.zero : table.zero + steps + 1]
+            slope = np.column_stack([s_m, s_m**2 / 2])
+            (bend, rate), *_ = np.linalg.lstsq(slope, turned[: steps + 1], rcond=None)
+            aside_m = np.cumsum(slope @ (bend, rate) - turned[: steps + 1]) * STEP_M
+            if np.abs(aside_m).max() <= ASIDE_M or steps <= LEAST_STEPS:
+                return Lane(float(self.p[E]), float(self.p[PSI]), float(bend), float(rate), steps * STEP_M)
+            steps -= 1
 
     def sigma_m(self, ahead_m: float, gradient: Array) -> float:
         """Standard deviation across the lane of its centre, ``ahead_m`` along it; larger beyond the stations."""

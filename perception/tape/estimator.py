@@ -209,8 +209,8 @@ class TapeLane:
         aim = math.exp(-0.5 * (lane.sigma_m(self._settings.lookahead_m, gradient) / sure.aim_sigma_m) ** 2)
         fade = math.exp(-self._unseen_m / sure.coast_m) * self._looks / sure.looks
         self._sure = line * share * clear * aim * fade
-        reach_m = lane.turning_m(self._settings.lookahead_m)
-        clothoid = lane.clothoid(reach_m)
+        clothoid = lane.clothoid(self._settings.lookahead_m)
+        reach_m = clothoid.lookahead_m
         left, right = _boundary_pixels(lane, self._raster.camera)
         return SteeringEstimate(
             t_s=t_s,

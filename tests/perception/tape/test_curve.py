@@ -98,11 +98,27 @@ def test_the_outer_line_gives_the_lane_where_a_bend_tighter_than_its_width_follo
 
 
 def test_a_clothoid_stands_for_a_lane_up_to_a_turn_of_a_radian_to_either_side() -> None:
-    assert arc(0.1).turning_m(5.0) == 5.0
-    assert [arc(bend_1pm).turning_m(5.0) for bend_1pm in (0.4, -0.4)] == pytest.approx([2.5, 2.5], abs=0.3)
+    assert arc(0.1).clothoid(5.0).lookahead_m == 5.0
+    reaches_m = [arc(bend_1pm).clothoid(5.0).lookahead_m for bend_1pm in (0.4, -0.4)]
+    assert reaches_m == pytest.approx([2.5, 2.5], abs=0.3)
     bends = np.interp(SETTINGS.stations_m, [1.4, 1.6], [0.4, -0.4])
     to_and_fro = LaneCurve(SETTINGS.stations_m, np.r_[0.0, 0.0, WIDTH_M, bends], np.eye(BENDS + len(bends)))
-    assert to_and_fro.turning_m(5.0) < 4.5
+    assert to_and_fro.clothoid(5.0).lookahead_m < 4.5
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_a_clothoid_ends_where_it_leaves_the_lane_behind_a_tight_bend(turn: float) -> None:
+    """The place of the clothoid by the sum of its steps, and that of the lane."""
+    bends = turn * np.interp(SETTINGS.stations_m, [0.0, 1.5], [-0.8, 0.0])
+    lane = LaneCurve(SETTINGS.stations_m, np.r_[0.2, -0.1, WIDTH_M, bends], np.eye(BENDS + len(bends)))
+    clothoid = lane.clothoid(5.0)
+    step_m = 0.01
+    s_m = np.arange(0.0, clothoid.lookahead_m + step_m / 2, step_m)
+    turned = clothoid.curvature_1pm * s_m + clothoid.curvature_rate_1pm2 * s_m**2 / 2
+    at = -0.2j * np.exp(0.1j) + step_m * np.cumsum(np.exp(1j * (turned + 0.1)))
+    centre = lane.draw().centre[lane.table.zero :]
+    assert np.abs(at[:, None] - centre).min(axis=1).max() < 0.2
+    assert 1.5 <= clothoid.lookahead_m < 5.0
 
 
 def test_two_lines_measure_the_width() -> None:
