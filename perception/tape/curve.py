@@ -200,12 +200,24 @@ class CurveFit:
         share = np.minimum(1 / (1 + (self._changes @ p) ** 2), most)
         return self._usual + self._changes.T @ (self._changes * share[:, None])
 
-    def fit(self, start: LaneCurve, voting: VotingPoints, *, tracked: bool) -> LaneCurve:
+    def bends(self, lane: LaneCurve, most_m: float) -> list[LaneCurve]:
+        """``lane`` with curvatures of ±bend_1pm from a station below ``most_m`` on: one for each station and side."""
+        at_m, found = np.array(lane.at_m), []
+        for from_m in at_m[(at_m > 0) & (at_m < most_m)]:
+            for bend_1pm in (-self._settings.bend_1pm, self._settings.bend_1pm):
+                p = lane.p.copy()
+                p[BENDS:][at_m >= from_m] = bend_1pm
+                found.append(LaneCurve(lane.at_m, p, lane.covariance))
+        return found
+
+    def fit(
+        self, start: LaneCurve, voting: VotingPoints, *, tracked: bool, predicted: LaneCurve | None = None
+    ) -> LaneCurve:
         """The lane near ``start`` that fits the points best.
 
-        ``tracked``: ``start`` is the prediction from the frame before, which counts as a measurement.
+        ``tracked``: ``predicted``, by default ``start``, follows from the frame before and counts as a measurement.
         """
-        settings = self._settings
+        settings, expected = self._settings, (predicted or start).p
         trust = np.diag(self._step_information(tracked))
         usual = np.zeros(len(start.p))
         usual[WIDTH] = self._width_m
@@ -223,7 +235,7 @@ class CurveFit:
                 weighted = slope * (share / settings.point_sigma_m**2)[:, None]
                 prior = self._shape_information(lane.p, LOOSE if scale_m == settings.scales_m[0] else 1.0)
                 normal = weighted.T @ slope + prior + trust
-                pull = weighted.T @ off_m + prior @ (lane.p - usual) + trust @ (lane.p - start.p)
+                pull = weighted.T @ off_m + prior @ (lane.p - usual) + trust @ (lane.p - expected)
                 p = np.asarray(lane.p - np.linalg.solve(normal, pull), float)
                 lane = LaneCurve(lane.at_m, p, lane.covariance)
         return LaneCurve(lane.at_m, lane.p, np.asarray(np.linalg.inv(normal), float))

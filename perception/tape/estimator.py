@@ -34,6 +34,7 @@ MAX_GAP_S = 1.0  # between frames, over which lines and lane are remembered
 ON_M = 0.35  # of a line beside its boundary
 LEAST = 8  # points of a lane
 SEARCHED = 1.6  # of near_m, up to which lines count in the search
+LEAST_MORE_M = 0.5  # of line, for which a bend ahead is replaced
 BEHIND_M = 1.0  # lines behind the axle up to here count as near
 NEAREST_M = 0.3  # before the lens, of a pixel of a boundary
 BESIDE = 1.0  # image widths to either side of the image, within which a boundary is drawn
@@ -116,7 +117,7 @@ class TapeLane:
         least = self._settings.sure.least
         kept = None if self._lane is None else self._fit.fit(self._lane, voting, tracked=self._moved)
         if kept is not None and self._moved and self._sure >= least:
-            self._lane = kept
+            self._lane = self._with_other_bend(kept, voting)
             return
         most = -math.inf if kept is None else self._evidence(kept, voting).votes
         for start in self._search(voting):
@@ -125,6 +126,25 @@ class TapeLane:
             if votes > max(most, 0.0) + (1.0 if kept is not None else 0.0):
                 self._lane, kept, most, self._looks = found, found, votes, 0
         self._lane = kept
+
+    def _with_other_bend(self, kept: LaneCurve, voting: VotingPoints) -> LaneCurve:
+        """``kept``; or, where it passes lines by, the lane with another bend ahead that has more line on it.
+
+        The robust weights of the fit hold it at a lane whose far part has no line near it.
+        """
+        sure, here = self._settings.sure, self._evidence(kept, voting)
+        if self._lane is None or sum(here.seen_m) >= sure.plain * here.visible_m:
+            return kept
+        start = max(self._fit.bends(self._lane, sure.near_m), key=lambda lane: self._support(lane, voting))
+        other = self._fit.fit(start, voting, tracked=True, predicted=self._lane)
+        return other if self._evidence(other, voting).votes > here.votes + LEAST_MORE_M else kept
+
+    def _support(self, lane: LaneCurve, voting: VotingPoints) -> float:
+        """Sum of the weights of the points near the boundaries of ``lane`` and near the car."""
+        placed = lane.place(voting.points, lane.draw(), self._settings.curve.slant_rad)
+        off_m = np.abs(placed.left_m) - self._settings.lane.aside * lane.width_m
+        near = placed.beside & (lane.table.fine_m[placed.station] < SEARCHED * self._settings.sure.near_m)
+        return float(np.sum(near * voting.weight(placed.left_m) / (1 + (off_m / ON_M) ** 2) ** 2))
 
     def _search(self, voting: VotingPoints) -> list[LaneCurve]:
         """The arcs with most line on their boundaries, clearly different ones."""

@@ -103,6 +103,7 @@ class SureSettings(Settings):
     coast_m: Positive
     forget_m: Positive
     least: NonNegative
+    plain: PositiveShare
 
 
 class TapeSettings(Settings):

@@ -21,7 +21,7 @@ from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.scale import scaled_settings
 
 LANE_M, SPEED_MPS, PERIOD_S = 0.22, 0.4, 0.08
-FROM_M, BEND_AT_M = 0.3, 0.55  # a lap begins before the bend
+FROM_M, BEND_AT_M, RAMP_M = 0.3, 0.55, 0.03  # a lap begins before the bend
 Seen = list[tuple[float, float, SteeringEstimate]]
 
 
@@ -29,12 +29,26 @@ Seen = list[tuple[float, float, SteeringEstimate]]
 def lap(
     look: str, bend: float, aside_m: float = 0.0, *, to_m: float = 1.0, blind: bool = False, gain: float = 1.0
 ) -> Seen:
+    """:func:`drive` on an oval with bends of ``bend`` lane widths."""
+    road = Road(taped_track("oval", LOOKS[look], lane_width_m=LANE_M, bend=bend))
+    return drive(road, "mini", to_m, aside_m=aside_m, blind=blind, gain=gain)
+
+
+def drive(
+    road: Road,
+    car: str,
+    to_m: float,
+    *,
+    aside_m: float = 0.0,
+    blind: bool = False,
+    gain: float = 1.0,
+    period_s: float = PERIOD_S,
+) -> Seen:
     """Station, true curvature and estimate up to ``to_m``, driven at a constant offset from the lane centre.
 
     ``blind``: the vehicle reports no yaw rate; ``gain``: of the speed and yaw rate that it reports.
     """
-    road = Road(taped_track("oval", LOOKS[look], lane_width_m=LANE_M, bend=bend))
-    with using_car(CONFIG_DIR / "cars" / "mini"):
+    with using_car(CONFIG_DIR / "cars" / car):
         camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
         estimator = entry_of("tape").build(camera, vehicle)
         renderer, found = Renderer(road, camera, seed=1), []
@@ -53,8 +67,8 @@ def lap(
             )
             estimate = estimator.step(Frame(t_s=t_s, image=image), state, now_s=t_s)
             found.append((station_m, curvature_1pm, estimate))
-            station_m += SPEED_MPS * PERIOD_S / (1 - curvature_1pm * aside_m)
-            t_s += PERIOD_S
+            station_m += SPEED_MPS * period_s / (1 - curvature_1pm * aside_m)
+            t_s += period_s
     return found
 
 
@@ -73,6 +87,49 @@ def test_the_lane_is_kept_through_a_bend_of_one_and_a_half_lane_widths(bend: flo
     assert (
         np.quantile(headings_rad, 0.9) < 0.1 and max(headings_rad) < 0.2
     )  # the yaw rate steps by 0.1 rad a frame
+
+
+def winding_road(first: float, then: float) -> Road:
+    """A straight, a quarter of a circle of radius ``first``, at once one of ``then``, in lane widths, + = left."""
+    bends = [
+        (math.copysign(1 / LANE_M, bend) / abs(bend), abs(bend) * LANE_M * math.pi / 2)
+        for bend in (first, then)
+    ]
+    segments: list[dict[str, object]] = [{"length_m": BEND_AT_M}]
+    before_1pm = 0.0
+    for bend_1pm, length_m in bends:
+        segments.append({"length_m": RAMP_M, "curvature_1pm": (before_1pm, bend_1pm)})
+        segments.append({"length_m": length_m - RAMP_M, "curvature_1pm": bend_1pm})
+        before_1pm = bend_1pm
+    segments += [{"length_m": RAMP_M, "curvature_1pm": (before_1pm, 0.0)}, {"length_m": 1.0}]
+    track = taped_track("oval", LOOKS["duckie"], lane_width_m=LANE_M, bend=2.0).model_dump()
+    return Road(
+        RoadSettings.model_validate(track | {"name": "winding", "closed": False, "segments": segments})
+    )
+
+
+def path_end_error_m(road: Road, station_m: float, estimate: SteeringEstimate) -> float:
+    """Distance of the end of the stated path from the lane centre, by the sum of its steps."""
+    lane = Lane.of_message(estimate)
+    assert lane is not None
+    s_m, step_m = np.linspace(0.0, estimate.lookahead_m, 100, retstep=True)
+    turned = lane.curvature_1pm * s_m + lane.curvature_rate_1pm2 * s_m**2 / 2 - lane.heading_rad
+    end = -1j * lane.offset_m + np.sum(np.exp(1j * turned)[:-1]) * step_m
+    stations_m = station_m + np.linspace(0.0, 1.5 * estimate.lookahead_m, 200)
+    away = road.positions(stations_m, np.zeros(200)) - road.position(station_m, 0.0)
+    return float(np.abs((away @ (1, 1j)) * np.exp(-1j * road.heading_at(station_m)) - end).min())
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize("then", [0.7, 0.55])
+def test_a_bend_tighter_than_the_lane_is_wide_is_found_behind_one_to_the_other_side(
+    turn: int, then: float
+) -> None:
+    road = winding_road(turn * 1.67, -turn * then)
+    to_m = BEND_AT_M + (1.67 + then) * LANE_M * math.pi / 2
+    seen = drive(road, "duckiebot", to_m, period_s=0.035)[8:]
+    assert min(estimate.confidence for _, _, estimate in seen) > 0.5
+    assert max(path_end_error_m(road, station_m, estimate) for station_m, _, estimate in seen) < 0.06
 
 
 def test_the_curvature_of_a_bend_is_measured_in_it() -> None:

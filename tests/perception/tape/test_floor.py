@@ -126,7 +126,8 @@ def test_a_streak_on_a_wide_line_is_no_line_of_its_own() -> None:
 def test_a_line_much_fainter_than_the_others_hardly_counts() -> None:
     contrast = np.zeros((20, 3))
     contrast[:, 0] = [-100.0] * 10 + [90.0] * 8 + [-20.0, 12.0]
-    points = TapePoints(*np.zeros((3, 20)), contrast, np.ones(20), np.zeros(20))
+    zero = np.zeros(20)
+    points = TapePoints(zero, zero, zero, contrast, np.ones(20), zero)
     weight = VotingPoints.of(points, SETTINGS.lane).left
     assert weight[:18].min() > 0.9 and weight[18:].max() < 0.2
     faint = points._replace(contrast=0.15 * contrast)
