@@ -201,7 +201,7 @@ class CurveFit:
         return self._usual + self._changes.T @ (self._changes * share[:, None])
 
     def bends(self, lane: LaneCurve, most_m: float) -> list[LaneCurve]:
-        """``lane`` with curvatures of ±bend_1pm from a station below ``most_m`` on: one for each station and side."""
+        """``lane`` with curvatures of ±bend_1pm from a station below ``most_m`` on, one for each of both."""
         at_m, found = np.array(lane.at_m), []
         for from_m in at_m[(at_m > 0) & (at_m < most_m)]:
             for bend_1pm in (-self._settings.bend_1pm, self._settings.bend_1pm):
