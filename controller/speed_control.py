@@ -7,9 +7,11 @@ The acceleration demand of tracking is
 v_t' is that of the target, or else its measured change, smoothed over ``RATE_S``: without it a car
 behind a leader that brakes with b would lag its falling cap by b/k, and at a gap (d - d₀)/T the loop
 s² + k·s + k/T would swing (damping 0.55 at k = 0.8 1/s, T = 1.5 s); with it the poles are k and 1/T. A change that
-no car could make is a step of the cap, and not a rate. d is the load of the hill, observed. With
-drive lag τ_a the loop s² τ_a + s + k has damping 1/(2√(k·τ_a)); above 1 the speed never overshoots its cap. The
-demand must also be able to fade out as fast as k·a demands: k·max_accel ≤ brake_jerk. Both are checked on loading.
+no car could make is a step of the cap, and not a rate. A target may stop rising at any time: v_t' makes the demand
+k₂·(v_t - v) at most, and a rising target is followed v_t'/k₂ below it, k₂ = 1/(3·(τ_a + dt)). d is the load of the
+hill, observed. With drive lag τ_a the loop s² τ_a + s + k has damping 1/(2√(k·τ_a)); above 1 the speed never
+overshoots its cap. The demand must also be able to fade out as fast as k·a demands: k·max_accel ≤ brake_jerk. Both
+are checked on loading.
 
 A stop goes to its deceleration b at its jerk j and falls off with √(2·j·v), v being the speed when the demand acts,
 so that the car does not lurch at the end; it then holds the brake at standstill. From v it takes, but for the last
@@ -106,10 +108,10 @@ class SpeedControl:
     def track(self, goal: Target, *, speed_mps: float, dt_s: float) -> float:
         """Acceleration demand [m/s²] towards ``goal``; stops and holds the brake where the target is standstill."""
         settings = self._settings
-        rate_mps2 = self._rate(goal, dt_s)
-        if speed_mps - goal.speed_mps > self._step_mps:  # too fast: a rising target must not reduce the brake
-            rate_mps2 = at_most(rate_mps2, 0.0)
-        wanted = settings.gain_1ps * (goal.speed_mps - speed_mps) + rate_mps2
+        away_mps = goal.speed_mps - speed_mps
+        near_mps2, quick_1ps = settings.gain_1ps * away_mps, 1.0 / (3.0 * (self._lag_s + dt_s))
+        quick_1ps = at_most(quick_1ps, settings.brake_jerk_mps3 / settings.max_accel_mps2)
+        wanted = at_most(near_mps2 + self._rate(goal, dt_s), at_least(quick_1ps * away_mps, near_mps2))
         wanted = at_least(at_most(wanted, settings.max_accel_mps2), -settings.max_decel_mps2)
         if goal.speed_mps <= self._standstill_mps:
             if wanted >= -settings.comfort.decel_mps2:

@@ -193,12 +193,13 @@ def test_a_lower_cap_is_reached_from_above_within_the_braking_limit():
 
 
 @pytest.mark.parametrize("rate_mps2", [-2.0, -1.0, 0.7])
-def test_a_cap_that_changes_steadily_is_followed_without_lag(rate_mps2):
+def test_a_cap_that_falls_steadily_is_followed_without_lag_and_a_rising_one_from_below(rate_mps2):
     start_mps = 12.0 if rate_mps2 < 0 else 2.0
     run = ride(tracking(speed_control(0.0), lambda t: start_mps + rate_mps2 * t), start_mps, 5.0)
     lag = [v - (start_mps + rate_mps2 * (n + 1) * DT_S) for n, v in enumerate(run.speed_mps)]
-    assert abs(lag[-1]) <= 0.1
-    assert max(map(abs, lag)) <= 0.5 * abs(rate_mps2)  # without the rate: 1.25·|rate|
+    behind_mps = 0.0 if rate_mps2 < 0 else -rate_mps2 * 3.0 * (LAG_S + DT_S)
+    assert lag[-1] == pytest.approx(behind_mps, abs=0.1)
+    assert max(map(abs, lag)) <= 0.52 * abs(rate_mps2)  # without the rate: 1.25·|rate|
 
 
 @pytest.mark.parametrize("step_mps", [-1.0, -0.5, 0.5, 1.0])
@@ -214,6 +215,24 @@ def test_a_string_of_cap_steps_is_followed_without_swinging(step_mps):
     beyond = [sign * (v - cap((n + 1) * DT_S)) for n, v in enumerate(run.speed_mps)]
     assert max(beyond) <= 0.02
     assert run.speed_mps[-1] == pytest.approx(start_mps + 6 * step_mps, abs=0.02)
+
+
+@pytest.mark.parametrize("cap_mps", [0.4, 1.0, 5.0])
+def test_a_cap_that_rises_again_does_not_drive_the_car_beyond_it(cap_mps):
+    """A cap of zero for one decision, as of a frame without a lane, and back by 1 m/s²."""
+
+    def cap(t):
+        return cap_mps if t < 2.0 else min(t - 2.0, cap_mps)
+
+    run = ride(tracking(speed_control(0.0), cap), cap_mps, cap_mps + 8.0)
+    assert max(run.speed_mps) <= cap_mps + 0.01
+    rising = [
+        (v, demand)
+        for n, (v, demand) in enumerate(zip(run.speed_mps, run.demand_mps2[1:], strict=False))
+        if n * DT_S > 2.3 and v > cap((n + 1) * DT_S) + 0.01
+    ]
+    assert all(demand <= 0.01 for _, demand in rising)
+    assert run.speed_mps[-1] == pytest.approx(cap_mps, abs=0.01)
 
 
 def follow(leader, seconds, *, gap_m, speed_mps, time_gap_s=1.5, standstill_m=3.0, decel_mps2=2.0):
