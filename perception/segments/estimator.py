@@ -4,6 +4,7 @@
 2. **Picture**: the masks drawn as a clean road (:mod:`.picture`).
 3. **Lane**: the finder of ``cv`` reads the picture in place of the image. It decides which boundaries are those of
    the own lane, fits, tracks and rates them.
+4. **Surface**: the lane is at most as sure as its surface is drivable (:mod:`.picture`).
 """
 
 from dataclasses import replace
@@ -14,13 +15,14 @@ from perception.lane.rating import Features
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import as_bgr, unusable
 from perception.segments.network import Segmenter
-from perception.segments.picture import draw_masks
+from perception.segments.picture import draw_masks, drivable_share
 from perception.segments.settings import SegmentSettings, network_description, network_file, segment_settings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
 
 NAME = "segments"
+NO_SURFACE = "the network does not call its surface drivable"
 
 
 class LaneFinder(Protocol):
@@ -53,11 +55,15 @@ class Segments:
         picture = draw_masks(masks)
         found = self._finder.step(replace(frame, image=picture), state, now_s=now_s)
         scale = image.shape[1] / picture.shape[1]
+        paths = found.left_boundary_px, found.right_boundary_px
+        share = 1.0 if masks.area is None else drivable_share(masks.area, *paths)
         return replace(
             found,
             estimator=NAME,
-            left_boundary_px=_enlarge_path(found.left_boundary_px, scale),
-            right_boundary_px=_enlarge_path(found.right_boundary_px, scale),
+            confidence=min(found.confidence, share),
+            reason=found.reason or (NO_SURFACE if share < 1 / 2 else ""),
+            left_boundary_px=_enlarge_path(paths[0], scale),
+            right_boundary_px=_enlarge_path(paths[1], scale),
         )
 
     def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:

@@ -14,12 +14,17 @@ crest is a line far more often than its pixels are. With the probability p of th
 so that p = 0.005, 0.05 and 0.5 count as 0.2, 0.5 and 0.8. On drawn roads, 0.7, 0.8 and 0.9 of the crests with
 these p that lie on a boundary of the lane or inside it are on a boundary; real roads have joints and cracks too.
 Without its faint dashes a road for both ways would be one lane.
+
+**Surface.** A lane is right only where a car may drive on all of it. Its probability is thus at most that of each
+of its pixels to be drivable, and so at most their mean: a pavement between a kerb and a line is no lane, however
+clear both are. Near pixels are the most, so that what drives ahead, and hides the lane, hides few of them.
 """
 
 import cv2
 import numpy as np
 
 from perception.segments.network import Masks
+from trepid.messages import PixelPath
 from trepid.types import Floats, Image
 
 AREA, REST, LINE = np.array([[100, 100, 100], [20, 64, 30], [255, 255, 255]], np.float32)  # BGR
@@ -27,6 +32,8 @@ SMOOTH_PX = 5  # along a row, before its crests are taken
 LEAST = 0.2  # probability of a crest
 EVIDENCE, PRIOR = 0.5, 1.5  # of the logit of a pixel in that of a crest; the logit of a crest at p = 1/2
 LEAST_PIXEL = 1e-7  # of a probability whose logit is taken
+BONNET = 1 / 2  # of the rows of a lane, the most that the own bonnet hides
+AHEAD = 0.02  # half the width of the strip straight ahead, in widths of the picture
 
 
 def draw_masks(masks: Masks) -> Image:
@@ -40,6 +47,25 @@ def draw_masks(masks: Masks) -> Image:
     if lines is not None:
         picture = _mix_colours(LINE, picture, crests(crest_probability(lines)))
     return picture.astype(np.uint8)
+
+
+def drivable_share(area: Floats, left: PixelPath, right: PixelPath) -> float:
+    """Mean probability 0..1 of drivable ``area``, (h, w), between two boundaries in its pixels; 0 of no lane.
+
+    The lowest rows do not count as long as nothing straight ahead is drivable: there the own bonnet is seen.
+    """
+    if not (left and right):
+        return 0.0
+    rows, across = (np.arange(size) for size in area.shape)
+    first, last = (
+        np.interp(rows, y, x, np.nan, np.nan) for x, y in (np.array(p)[::-1].T for p in (left, right))
+    )
+    lane = (across >= first[:, None]) & (across <= last[:, None])  # False for NaN
+    rows = np.flatnonzero(lane.any(axis=1))
+    ahead = np.abs(across / len(across) - 1 / 2) < AHEAD
+    hidden = np.cumprod(area[rows][::-1, ahead].mean(axis=1) < 1 / 2).sum()
+    rows = rows[: len(rows) - min(hidden, int(BONNET * len(rows)))]
+    return float(area[rows][lane[rows]].mean()) if len(rows) else 0.0
 
 
 def crest_probability(lines: Floats) -> Floats:

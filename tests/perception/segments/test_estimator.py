@@ -11,10 +11,11 @@ from perception.estimators import entry_of, lane_cv_settings
 from perception.lane.lane_cv import LaneCv
 from perception.lane.street.pairs import boundaries, pairs
 from perception.lane.street.profile import Profile, StreetCourse
-from perception.segments.estimator import Segments
+from perception.segments.estimator import LaneFinder, Segments
 from perception.segments.network import Masks
 from perception.segments.settings import lane_settings, network_description, network_file, segment_settings
 from perception.segments.unknown_camera import LaneOfPictures
+from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.messages import Frame, SteeringEstimate
 
@@ -23,6 +24,13 @@ LOOKAHEAD_M = SETTINGS.steering.lookahead_m
 
 def segments_in(folder: Path, **changes: object) -> Segments:
     return Segments(segmenter(folder, **changes), LaneCv(SETTINGS, CAMERA, VEHICLE), lookahead_m=LOOKAHEAD_M)
+
+
+def finder_of(camera: Camera, *, known: bool) -> LaneFinder:
+    own = segment_settings()
+    if not known:
+        return LaneOfPictures(lane_settings(SETTINGS, own), VEHICLE)
+    return LaneCv(SETTINGS.model_copy(update={"confidence": own.confidence}), camera, VEHICLE, guarded=True)
 
 
 def look(estimator: Segments, image: np.ndarray, frames: int = 1) -> SteeringEstimate:
@@ -152,7 +160,7 @@ def test_masks_that_are_not_finite_are_no_lane_and_end_with_the_frame(broken: st
 def test_a_bonnet_over_the_lowest_rows_of_the_masks_is_not_counted_as_road(
     known: bool, road_below: float, tmp_path: Path
 ) -> None:
-    own, camera = segment_settings(), CAMERA.model_copy(update={"height_m": 1.4, "pitch_down_rad": 0.02})
+    camera = CAMERA.model_copy(update={"height_m": 1.4, "pitch_down_rad": 0.02})
     network, image = segmenter(tmp_path), road((0.1, 0.0, 0.0, 0.0), camera=camera)
 
     def masks_under_bonnet(image: np.ndarray) -> Masks:
@@ -164,16 +172,38 @@ def test_a_bonnet_over_the_lowest_rows_of_the_masks_is_not_counted_as_road(
 
     seen = []
     for masks_of in (network, masks_under_bonnet):
-        finder = (
-            LaneCv(SETTINGS.model_copy(update={"confidence": own.confidence}), camera, VEHICLE, guarded=True)
-            if known
-            else LaneOfPictures(lane_settings(SETTINGS, own), VEHICLE)
-        )
-        seen.append(look(Segments(masks_of, finder, lookahead_m=LOOKAHEAD_M), image, frames=4))
+        estimator = Segments(masks_of, finder_of(camera, known=known), lookahead_m=LOOKAHEAD_M)
+        seen.append(look(estimator, image, frames=4))
     bare, under = seen
     assert under.confidence > 0.85 * bare.confidence > 0.7
     assert under.lateral_offset_m == pytest.approx(bare.lateral_offset_m, abs=0.05)
     assert under.heading_error_rad == pytest.approx(bare.heading_error_rad, abs=0.01)
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("drivable", [0.0, 0.3])
+def test_a_pavement_between_two_clear_lines_is_no_lane_that_is_sure(
+    known: bool, drivable: float, tmp_path: Path
+) -> None:
+    camera = CAMERA.model_copy(update={"height_m": 1.4, "pitch_down_rad": 0.02})
+    network, image = segmenter(tmp_path), road((0.1, 0.0, 0.0, 0.0), camera=camera)
+
+    def masks_of_pavement(image: np.ndarray) -> Masks:
+        masks = network(image)
+        scale = masks.area.shape[1] / image.shape[1]
+        right = np.array(seen[0].right_boundary_px)[::-1].T * scale
+        beyond = np.interp(np.arange(len(masks.area)), right[1], right[0])
+        masks.area[np.arange(masks.area.shape[1]) < beyond[:, None]] *= drivable
+        return masks
+
+    seen: list[SteeringEstimate] = []
+    for masks_of in (network, masks_of_pavement):
+        estimator = Segments(masks_of, finder_of(camera, known=known), lookahead_m=LOOKAHEAD_M)
+        seen.append(look(estimator, image, frames=4))
+    on_road, on_pavement = seen
+    assert on_road.confidence > 0.7
+    assert on_pavement.confidence <= drivable + 0.1
+    assert on_pavement.reason
 
 
 def test_a_network_that_was_not_fetched_is_named_with_the_remedy(

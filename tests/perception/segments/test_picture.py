@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from perception.segments.network import Masks
-from perception.segments.picture import AREA, LINE, REST, crest_probability, crests, draw_masks
+from perception.segments.picture import (
+    AREA,
+    LINE,
+    REST,
+    crest_probability,
+    crests,
+    draw_masks,
+    drivable_share,
+)
 
 ROWS, COLUMNS = 40, 320
 
@@ -63,3 +71,22 @@ def test_the_edge_of_the_road_lies_where_its_probability_is_one_half() -> None:
 def test_without_an_area_everything_is_road() -> None:
     picture = draw_masks(Masks(np.zeros((ROWS, COLUMNS), np.float32), None))
     assert (picture == AREA.astype(np.uint8)).all()
+
+
+def test_the_surface_of_a_lane_is_as_drivable_as_the_mean_of_its_pixels() -> None:
+    left, right = ([(x, float(y)) for y in range(ROWS - 1, 9, -5)] for x in (110.0, 209.0))
+    area = np.zeros((ROWS, COLUMNS), np.float32)
+    area[:, 160:] = 0.8
+    assert drivable_share(area, tuple(left), tuple(right)) == pytest.approx(0.4, abs=0.01)
+    assert drivable_share(area[:, ::-1], tuple(left), tuple(right)) == pytest.approx(0.4, abs=0.01)
+    assert drivable_share(area, (), tuple(right)) == 0.0
+
+
+def test_only_rows_of_a_bonnet_are_left_out_of_the_surface_of_a_lane() -> None:
+    left, right = ([(x, float(y)) for y in range(ROWS - 1, 9, -5)] for x in (110.0, 209.0))
+    area = np.ones((ROWS, COLUMNS), np.float32)
+    area[-10:] = 0.0  # a bonnet over a third of the lane
+    assert drivable_share(area, tuple(left), tuple(right)) == 1.0
+    area[:-10], area[-10:] = 0.0, 1.0  # a wall ahead
+    assert drivable_share(area, tuple(left), tuple(right)) == pytest.approx(10 / 26)
+    assert drivable_share(np.zeros_like(area), tuple(left), tuple(right)) == 0.0
