@@ -256,6 +256,19 @@ def test_two_estimators_confirm_each_other_and_a_single_one_is_never_calm():
     assert alone.fear.min() == pytest.approx(0.5)
 
 
+def test_blots_of_a_slow_recording_are_no_dirt_on_the_lens():
+    whole, rng = rendered_drive("straight", 20.0, 170), np.random.default_rng(0)
+    frames = []
+    for frame in whole.frames[::3]:  # as leaves and shadows, which are others in each picture
+        blots = (rng.random((24, 32)) < 0.15).astype(np.uint8)
+        dark = cv2.resize(blots, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_NEAREST)
+        frames.append((frame * np.where(dark, 0.6, 1.0)[..., None]).astype(np.uint8))
+    slow = np.full(len(frames), 2.0), CAMERA, np.zeros(len(frames))
+    drive = ClipFrames(whole.name, frames, whole.t_s[::3], *slow)
+    run = resimulate(drive, VEHICLE, start=PoseChange())
+    assert not any("dirty" in cause for cause in run.causes)
+
+
 def test_a_driver_takes_over_when_the_car_stops_and_hands_it_over_again_when_it_is_ready():
     whole = rendered_drive("straight", 20.0, 170)
     grey = np.full_like(whole.frames[0], 90)
