@@ -42,6 +42,7 @@ class Tiles:
         self._random = np.random.default_rng(seed)
         self._light = self._random.uniform(*LIGHT)
         self._left_mps = self._right_mps = 0.0
+        self._angle_rad = 0.0  # of the commands, with the lag of the wheels
         straight = [number for number, piece in enumerate(self.track.pieces) if piece.curvature_1pm == 0.0]
         self._laps = 0
         self._put(straight[0], 0.0)
@@ -49,7 +50,6 @@ class Tiles:
     def state(self) -> WorldState:
         """Pose, speed and place in the lane."""
         speed_mps, yaw_rate_radps = self._motion()
-        turns = abs(speed_mps) > 1e-6
         before_m = math.fsum(piece.length_m for piece in self.track.pieces[: self._place.number])
         return WorldState(
             x_m=self._at.real,
@@ -57,7 +57,7 @@ class Tiles:
             yaw_rad=self._yaw_rad,
             speed_mps=max(speed_mps, 0.0),
             yaw_rate_radps=yaw_rate_radps,
-            road_wheel_angle_rad=math.atan(self._wheelbase_m * yaw_rate_radps / speed_mps) if turns else 0.0,
+            road_wheel_angle_rad=self._angle_rad,
             station_m=self._laps * self.track.length_m + before_m + self._place.along_m,
             lateral_offset_m=self._place.offset_m,
             heading_error_rad=self._place.heading_rad,
@@ -73,6 +73,7 @@ class Tiles:
         speed_mps = max(self._motion()[0] + command.accel_mps2 * period_s, 0.0)
         half = math.tan(command.road_wheel_angle_rad) / self._wheelbase_m * APART_M / 2
         share = min(period_s / LAG_S, 1.0)
+        self._angle_rad += (command.road_wheel_angle_rad - self._angle_rad) * share
         left_mps, right_mps = (min(speed_mps * (1 + side * half), FASTEST_MPS) for side in (-1, 1))
         # the drive is as quick as the command; the difference of the wheels is late
         middle_mps = (left_mps + right_mps) / 2
