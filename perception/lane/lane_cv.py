@@ -178,7 +178,7 @@ def lane_estimate(
     ahead_m = np.array(SIGMA_AHEAD_M)
     unseen_m2 = unseen_variance_m2(ahead_m, end_m, settings.track)
     unseen_m2 += grade_variance_m2(ahead_m, clothoid, camera, settings.track)
-    left, right = boundary_paths(lane, camera, reach_m=reach_m)
+    left, right = boundary_paths(lane, camera, reach_m=reach_m, step_px=settings.drawn_step_px)
     return SteeringEstimate(
         t_s=t_s,
         estimator=NAME,

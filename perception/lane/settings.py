@@ -78,6 +78,7 @@ class LaneCvSettings(Settings):
     working_width_px: Annotated[int, Field(ge=64, le=1280)]
     reach_m: Positive
     drawn_reach_m: Positive
+    drawn_step_px: Annotated[int, Field(ge=1)]
     band_m: Positive
     max_band_px: Annotated[int, Field(ge=1)]
     min_score: Share

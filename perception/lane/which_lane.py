@@ -33,7 +33,6 @@ from perception.lane.detection.shown import visible_share
 from perception.lane.lane_cv import NAME, lane_estimate
 from perception.lane.light import brighten_road
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
-from perception.lane.model.paths import ROW_STEP_PX
 from perception.lane.model.prediction import VehicleMotion
 from perception.lane.settings import LaneCvSettings
 from perception.lane.street.pairs import Boundary, BoundaryKind, Pair, chosen_share, kerb_side
@@ -266,8 +265,9 @@ def _to_lower_edge(path: PixelPath, height_px: int) -> PixelPath:
     if len(path) < 2:
         return path
     (x_px, row), (next_px, next_row) = path[:2]
-    slope = (x_px - next_px) / (row - next_row)
-    rows = np.arange(row + ROW_STEP_PX, height_px + 1, ROW_STEP_PX)[::-1].tolist()
+    step_px = row - next_row
+    slope = (x_px - next_px) / step_px
+    rows = np.arange(row + step_px, height_px + 1, step_px)[::-1].tolist()
     return (*((x_px + slope * (at - row), at) for at in rows), *path)
 
 

@@ -10,7 +10,10 @@
 from dataclasses import replace
 from typing import Protocol
 
+import numpy as np
+
 from perception.lane.lane_cv import LaneCv
+from perception.lane.model.paths import ROW_STEP_PX
 from perception.lane.rating import Features
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import as_bgr, unusable
@@ -62,8 +65,8 @@ class Segments:
             estimator=NAME,
             confidence=min(found.confidence, share),
             reason=found.reason or (NO_SURFACE if share < 1 / 2 else ""),
-            left_boundary_px=_enlarge_path(paths[0], scale),
-            right_boundary_px=_enlarge_path(paths[1], scale),
+            left_boundary_px=_path_in_image(paths[0], scale),
+            right_boundary_px=_path_in_image(paths[1], scale),
         )
 
     def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
@@ -72,9 +75,13 @@ class Segments:
         )
 
 
-def _enlarge_path(path: PixelPath, scale: float) -> PixelPath:
-    """Places in the picture as places in the image, ``scale`` times as wide."""
-    return tuple(((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5) for x, y in path)
+def _path_in_image(path: PixelPath, scale: float) -> PixelPath:
+    """Places in the picture as places in the image, ``scale`` times as wide: every ten rows, from the bottom up."""
+    if not path:
+        return ()
+    x_px, y_px = (np.array(path[::-1]).T + 0.5) * scale - 0.5
+    rows = np.arange(y_px[-1] // ROW_STEP_PX * ROW_STEP_PX, y_px[0], -ROW_STEP_PX)
+    return tuple(zip(np.interp(rows, y_px, x_px).tolist(), rows.tolist(), strict=True))
 
 
 def segmenter_of(settings: SegmentSettings) -> Segmenter:
@@ -85,6 +92,6 @@ def segmenter_of(settings: SegmentSettings) -> Segmenter:
 def build(camera: Camera, vehicle: Vehicle, lane_cv: LaneCvSettings) -> Segments:
     """The estimator for ``camera``. Raises InputError."""
     own = segment_settings()
-    settings = lane_cv.model_copy(update={"confidence": own.confidence})
+    settings = lane_cv.model_copy(update={"confidence": own.confidence, "drawn_step_px": 1})
     finder = LaneCv(settings, camera, vehicle, guarded=True)
     return Segments(segmenter_of(own), finder, lookahead_m=lane_cv.steering.lookahead_m)

@@ -37,7 +37,7 @@ def lane_settings(lane_cv: LaneCvSettings, own: SegmentSettings) -> LaneCvSettin
     """``lane_cv`` of the finder without a camera file, with what ``own`` states for pictures of masks."""
     pairs = lane_cv.street.pairs.model_copy(update={"line_within": own.line_within})
     stated = {"pairs": pairs, "bounded": own.bounded, "searched": own.searched, "pair": own.pair}
-    return lane_cv.model_copy(update={"street": lane_cv.street.model_copy(update=stated)})
+    return lane_cv.model_copy(update={"street": lane_cv.street.model_copy(update=stated), "drawn_step_px": 1})
 
 
 def network_description(name: str) -> SegmentNetwork:

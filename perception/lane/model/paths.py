@@ -11,16 +11,18 @@ from trepid.car.camera import Camera
 from trepid.messages import PixelPath
 from trepid.types import Array
 
-ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
+ROW_STEP_PX = 10  # between the places of a boundary that is reported
 MAX_ASIDE = 4  # image widths from the middle: edges of a wide road end outside the image
 MIN_REACH_M = 5.0
 STATIONS_M = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 81.0, 2.0)])
 
 
-def boundary_paths(lane: LaneState, camera: Camera, *, reach_m: float) -> tuple[PixelPath, PixelPath]:
-    """Both boundaries as pixels of the input image, one every ten rows from the bottom up."""
-    last = camera.height_px // ROW_STEP_PX * ROW_STEP_PX  # the lower border of the image
-    rows = np.arange(last, -1, -ROW_STEP_PX, dtype=float)
+def boundary_paths(
+    lane: LaneState, camera: Camera, *, reach_m: float, step_px: int = ROW_STEP_PX
+) -> tuple[PixelPath, PixelPath]:
+    """Both boundaries as pixels of the input image, one every ``step_px`` rows from the bottom up."""
+    last = camera.height_px // step_px * step_px  # the lower border of the image
+    rows = np.arange(last, -1, -step_px, dtype=float)
     distorted = any(camera.distortion)
     seen_in = np.arange(1.2 * camera.height_px, -1.0, -2.0) if distorted else rows
     left, right = boundary_columns(lane.mean, camera, seen_in, reach_m=reach_m)

@@ -30,7 +30,8 @@ def finder_of(camera: Camera, *, known: bool) -> LaneFinder:
     own = segment_settings()
     if not known:
         return LaneOfPictures(lane_settings(SETTINGS, own), VEHICLE)
-    return LaneCv(SETTINGS.model_copy(update={"confidence": own.confidence}), camera, VEHICLE, guarded=True)
+    settings = SETTINGS.model_copy(update={"confidence": own.confidence, "drawn_step_px": 1})
+    return LaneCv(settings, camera, VEHICLE, guarded=True)
 
 
 def look(estimator: Segments, image: np.ndarray, frames: int = 1) -> SteeringEstimate:
@@ -62,6 +63,17 @@ def test_boundaries_lie_on_the_lines_in_the_pixels_of_the_image(tmp_path: Path) 
         rows = np.arange(max(y.min(), true_y.min()) + 20, min(y.max(), true_y.max()), 10.0)
         off = np.interp(rows, y[::-1], x[::-1]) - np.interp(rows, true_y[::-1], true_x[::-1])
         assert len(rows) > 10 and np.abs(off).max() < 6.0
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_boundaries_have_a_place_in_every_tenth_row_of_the_image(known: bool, tmp_path: Path) -> None:
+    camera = CAMERA.model_copy(update={"height_m": 1.4, "pitch_down_rad": 0.02}).resize(1280, 720)
+    image = road((0.1, 0.0, 0.0, 0.0), camera=camera)
+    finder = finder_of(camera, known=known)
+    seen = look(Segments(segmenter(tmp_path), finder, lookahead_m=LOOKAHEAD_M), image)
+    for path in (seen.left_boundary_px, seen.right_boundary_px):
+        rows = np.array(path)[:, 1]
+        assert len(rows) > 20 and not (rows % 10).any() and (np.diff(rows) == -10).all()
 
 
 def test_a_road_without_lines_is_measured_by_its_edges(tmp_path: Path) -> None:
