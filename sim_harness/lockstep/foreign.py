@@ -38,9 +38,7 @@ class WorldState:
     yaw_rad: float
     speed_mps: float
     yaw_rate_radps: float
-    road_wheel_angle_rad: (
-        float  # of a robot without steered wheels, that of the commands, as late as it turns
-    )
+    road_wheel_angle_rad: float  # without steered wheels that of the commands, as late as it turns
     station_m: float  # along the centre of the lane, continued over laps
     lateral_offset_m: float
     heading_error_rad: float
