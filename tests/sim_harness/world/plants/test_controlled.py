@@ -50,7 +50,7 @@ def test_bends_of_15_m_at_5_5_mps_are_kept_within_2_cm():
 
 @pytest.mark.parametrize(
     "law,limited,most_m",
-    [(LawName.FEEDFORWARD, False, 0.03), (LawName.MPC, False, 0.26), (LawName.MPC, True, 0.17)],
+    [(LawName.FEEDFORWARD, False, 0.03), (LawName.MPC, False, 0.28), (LawName.MPC, True, 0.17)],
 )
 def test_bends_are_entered_slowly_enough_from_8_mps(law, limited, most_m):
     """Without a preview of the bends: MPC, slow enough for cars that differ from their file, enters them late.
