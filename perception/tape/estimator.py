@@ -84,10 +84,10 @@ class TapeLane:
         self._move(frame.t_s, VehicleMotion.of(state))
         points = self._memory.update(self._raster.points(as_bgr(frame.image)), self._raster)
         voting = VotingPoints.of(points, self._settings.lane)
-        self._choose(voting)
-        if self._lane is None:
+        evidence = self._choose(voting)
+        if evidence is None:
             return self._nothing(frame.t_s, "no lines of a lane found")
-        return self._estimate(frame.t_s, voting)
+        return self._estimate(frame.t_s, evidence)
 
     def _move(self, t_s: float, motion: VehicleMotion) -> None:
         """Lane and lines at ``t_s``; nothing is remembered after a jump in time.
@@ -112,39 +112,50 @@ class TapeLane:
             if self._unseen_m > self._settings.sure.forget_m:
                 self._lane, self._looks, self._sure = None, 0, 0.0
 
-    def _choose(self, voting: VotingPoints) -> None:
-        """The tracked lane; where there is none, or it is unsure, the best of the search if it has more line."""
+    def _choose(self, voting: VotingPoints) -> Evidence | None:
+        """Keep the tracked lane, or the best of the search where that is unsure and this has more line.
+
+        Returns what speaks for the lane; None without one.
+        """
         least = self._settings.sure.least
         kept = None if self._lane is None else self._fit.fit(self._lane, voting, tracked=self._moved)
         if kept is not None and self._moved and self._sure >= least:
-            self._lane = self._with_other_bend(kept, voting)
-            return
-        most = -math.inf if kept is None else self._evidence(kept, voting).votes
+            self._lane, evidence = self._with_other_bend(kept, voting)
+            return evidence
+        best = None if kept is None else self._evidence(kept, voting)
+        most = -math.inf if best is None else best.votes
         for start in self._search(voting):
             found = self._fit.fit(start, voting, tracked=False)
-            votes = self._evidence(found, voting).votes - _strangeness(found)
+            evidence = self._evidence(found, voting)
+            votes = evidence.votes - _strangeness(found)
             if votes > max(most, 0.0) + (1.0 if kept is not None else 0.0):
-                self._lane, kept, most, self._looks = found, found, votes, 0
+                kept, best, most, self._looks = found, evidence, votes, 0
         self._lane = kept
+        return best
 
-    def _with_other_bend(self, kept: LaneCurve, voting: VotingPoints) -> LaneCurve:
+    def _with_other_bend(self, kept: LaneCurve, voting: VotingPoints) -> tuple[LaneCurve, Evidence]:
         """``kept``; or, where it passes lines by, the lane with another bend ahead that has more line on it.
 
         The robust weights of the fit hold it at a lane whose far part has no line near it.
         """
         sure, here = self._settings.sure, self._evidence(kept, voting)
         if self._lane is None or sum(here.seen_m) >= sure.plain * here.visible_m:
-            return kept
+            return kept, here
         start = max(self._fit.bends(self._lane, sure.near_m), key=lambda lane: self._support(lane, voting))
         other = self._fit.fit(start, voting, tracked=True, predicted=self._lane)
-        return other if self._evidence(other, voting).votes > here.votes + LEAST_MORE_M else kept
+        there = self._evidence(other, voting)
+        return (other, there) if there.votes > here.votes + LEAST_MORE_M else (kept, here)
 
     def _support(self, lane: LaneCurve, voting: VotingPoints) -> float:
         """Sum of the weights of the points near the boundaries of ``lane`` and near the car."""
         placed = lane.place(voting.points, lane.draw(), self._settings.curve.slant_rad)
-        off_m = np.abs(placed.left_m) - self._settings.lane.aside * lane.width_m
         near = placed.beside & (lane.table.fine_m[placed.station] < SEARCHED * self._settings.sure.near_m)
-        return float(np.sum(near * voting.weight(placed.left_m) / (1 + (off_m / ON_M) ** 2) ** 2))
+        return float(np.sum(near * self._weight(voting, placed.left_m, lane.width_m)))
+
+    def _weight(self, voting: VotingPoints, left_m: Array, width_m: float) -> Array:
+        """Weight of points ``left_m`` left of a lane's middle: their own, less the farther from its boundaries."""
+        off_m = np.abs(left_m) - self._settings.lane.aside * width_m
+        return np.asarray(voting.weight(left_m) / (1 + (off_m / ON_M) ** 2) ** 2, float)
 
     def _search(self, voting: VotingPoints) -> list[LaneCurve]:
         """The arcs with most line on their boundaries, clearly different ones."""
@@ -152,10 +163,8 @@ class TapeLane:
         if len(points.x_m) < LEAST:
             return []
         left_m = distances(points.x_m, points.y_m, arcs)
-        off_m = np.abs(left_m) - self._settings.lane.aside * REFERENCE_LANE_M
         ahead = np.hypot(points.x_m, points.y_m) < SEARCHED * self._settings.sure.near_m
-        alike = voting.weight(left_m) / (1 + (off_m / ON_M) ** 2) ** 2
-        votes = alike @ ahead * THIN_M
+        votes = self._weight(voting, left_m, REFERENCE_LANE_M) @ ahead * THIN_M
         votes -= 0.5 * ((arcs[:, 0] / 0.8) ** 2 + (arcs[:, 1] / 0.4) ** 2 + (arcs[:, 2] / 0.2) ** 2)
         found: list[Array] = []
         for number in np.argsort(-votes):
@@ -208,10 +217,9 @@ class TapeLane:
         """The most frequent of ``widths_m`` of the points of a boundary; the narrowest width without a point."""
         return max(self._raster.lines_m, key=lambda line_m: np.count_nonzero(widths_m == line_m))
 
-    def _estimate(self, t_s: float, voting: VotingPoints) -> SteeringEstimate:
+    def _estimate(self, t_s: float, evidence: Evidence) -> SteeringEstimate:
         lane, sure = self._lane, self._settings.sure
         assert lane is not None
-        evidence = self._evidence(lane, voting)
         gradient = lane.gradient(lane.draw())
         seen_m = sum(evidence.seen_m)
         if seen_m >= 2 * STEP_M:
