@@ -233,8 +233,8 @@ def _stop(view: StartSituation, halt: Halt) -> str:
     if not standing and view.world.motion is not None:
         if starting and halt.now.driver:
             return _hand_over(view, halt, head)
-        or_driver = ", or for a driver who hands over" if starting else ""
-        return f"{head} waits for standstill{or_driver}"
+        event = "standstill, or for a driver who hands over" if starting else "standstill"
+        return f"{head} waits for {event}"
     return f"{head} {_start(view, halt, fault, view.bounds.modes.reengage_after_s)}"
 
 
