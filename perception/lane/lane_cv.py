@@ -46,9 +46,12 @@ class LaneCv:
     """Estimator "cv". Its state is the remembered lane."""
 
     def __init__(
-        self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle, *, guarded: bool = False
+        self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle, *, guarded: bool = True
     ) -> None:
-        """``guarded``: whether a lane that may be two, or a boundary that no pixel shows, limits the confidence."""
+        """``guarded``: whether a lane that may be two, or a boundary that no pixel shows, limits the confidence.
+
+        Not at an assumed height, whose metres are a guess.
+        """
         self._guarded = guarded
         self._settings, self._vehicle = settings, vehicle
         self._camera, self._view = camera, make_view(settings, camera)
@@ -128,16 +131,19 @@ class LaneCv:
         return min(probability, memory.most)
 
     def _one_lane(self, lane: LaneState) -> float:
-        """Probability that the detected ``lane`` is not both lanes of a road; 1 where two would not fit into it."""
+        """Probability that the detected ``lane`` is not both lanes of a road; 1 where two would not fit into it.
+
+        That between edges is not raised by the place of the vehicle: one in the middle of a road stays there.
+        """
         settings, width_m = self._settings, float(lane.mean[WIDTH])
         if width_m < 2 * settings.evidence.min_width_m:
             return 1.0
         undivided = max(0.0, 1.0 - self.line_within / settings.unknown_camera.divided_excess)
         if self._memory.source == LINES:
             return undivided
-        return undivided * one_lane_probability(
-            width_m, lane.clothoid.offset_m, settings.prior, settings.evidence
-        )
+        places = lane.clothoid.offset_m, None
+        single = (one_lane_probability(width_m, at_m, settings.prior, settings.evidence) for at_m in places)
+        return undivided * min(single)
 
     def _most_by_pixels(self, fit: LaneFit, search: FrameSearch, lane: LaneState) -> float:
         """The most confidence that pixels of this frame or of those before give to both boundaries."""

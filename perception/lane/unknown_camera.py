@@ -79,7 +79,12 @@ class LaneOfUnknownCamera:
         """Search at the heights of the belief, without a remembered lane."""
         self._heights_m = self.belief.heights_m
         self._finders = [
-            LaneCv(self._settings, self.camera.model_copy(update={"height_m": height_m}), self._vehicle)
+            LaneCv(
+                self._settings,
+                self.camera.model_copy(update={"height_m": height_m}),
+                self._vehicle,
+                guarded=False,
+            )
             for height_m in self._heights_m
         ]
         self._sightings: list[Sighting] = []

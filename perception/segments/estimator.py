@@ -93,5 +93,5 @@ def build(camera: Camera, vehicle: Vehicle, lane_cv: LaneCvSettings) -> Segments
     """The estimator for ``camera``. Raises InputError."""
     own = segment_settings()
     settings = lane_cv.model_copy(update={"confidence": own.confidence, "drawn_step_px": 1})
-    finder = LaneCv(settings, camera, vehicle, guarded=True)
+    finder = LaneCv(settings, camera, vehicle)
     return Segments(segmenter_of(own), finder, lookahead_m=lane_cv.steering.lookahead_m)

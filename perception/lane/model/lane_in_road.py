@@ -58,22 +58,22 @@ def half_with_vehicle(road: LaneState, prior: PriorSettings) -> LaneState | None
 
 
 def one_lane_probability(
-    width_m: float, offset_m: float, prior: PriorSettings, evidence: EvidenceSettings
+    width_m: float, offset_m: float | None, prior: PriorSettings, evidence: EvidenceSettings
 ) -> float:
     """Probability that a road between edges, ``width_m`` wide with the vehicle at ``offset_m``, is one lane.
 
     Bayes with equal priors for one lane and two. One lane is ``evidence.road_width_m`` wide, with the vehicle in
     its middle; two lanes are ``prior.road_width_m`` wide, with the vehicle in the middle of one of them, a quarter
-    of the width aside.
+    of the width aside. ``offset_m`` None: by the width alone.
     """
     place, wide, narrow = (
         partial(_density, sigma=sigma)
         for sigma in (prior.offset_sigma_m, prior.road_width_sigma_m, evidence.road_width_sigma_m)
     )
-    one = narrow(width_m - evidence.road_width_m) * place(offset_m)
-    aside_m = width_m / 4
-    beside = (place(offset_m - aside_m) + place(offset_m + aside_m)) / 2
-    two = wide(width_m - prior.road_width_m) * beside
+    one, two = narrow(width_m - evidence.road_width_m), wide(width_m - prior.road_width_m)
+    if offset_m is not None:
+        one *= place(offset_m)
+        two *= (place(offset_m - width_m / 4) + place(offset_m + width_m / 4)) / 2
     return one / (one + two) if one > 0 else 0.0
 
 

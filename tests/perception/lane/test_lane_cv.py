@@ -128,7 +128,7 @@ def test_a_line_around_the_corner_of_a_side_road_is_not_the_lane_that_was_shown_
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_with_one_boundary_ever_seen_the_confidence_is_at_most_one_half(side):
-    finder = LaneCv(SETTINGS, CAMERA, VEHICLE, guarded=True)
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
     for number in range(20):
         image = road((0.0, 0.0, 0.0, 0.0), **{side: None}, verge_m=3.0, seed=number)
         seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
@@ -136,7 +136,7 @@ def test_with_one_boundary_ever_seen_the_confidence_is_at_most_one_half(side):
 
 
 def test_an_edge_of_the_road_at_the_usual_width_is_as_good_as_the_second_line():
-    finder = LaneCv(SETTINGS, CAMERA, VEHICLE, guarded=True)
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
     for number in range(20):
         image = road((0.0, 0.0, 0.0, 0.0), right=None, verge_m=0.0, seed=number)
         seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
@@ -156,6 +156,15 @@ def test_the_guard_makes_both_lanes_of_an_unmarked_road_improbable(offset_m):
         assert seen.lane_width_m == pytest.approx(6.4, abs=0.2)
         confidence[guarded] = seen.confidence
     assert confidence[True] < confidence[False] / 10
+
+
+def test_a_car_in_the_middle_of_a_road_for_both_ways_without_a_line_is_unsure():
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+    for number in range(20):
+        image = road((0.0, 0.0, 0.0, 0.0), width_m=6.0, left=None, right=None, verge_m=0.0, seed=number)
+        seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+    assert seen.lane_width_m == pytest.approx(6.0, abs=0.2)
+    assert seen.confidence < 0.5
 
 
 def test_a_lost_lane_is_kept_with_falling_confidence_and_then_dropped():

@@ -102,5 +102,12 @@ def test_a_wide_road_or_a_vehicle_beside_its_middle_means_two_lanes(width_m, off
     assert found == pytest.approx(one_lane_probability(width_m, -offset_m, PRIOR, EVIDENCE))
 
 
+@pytest.mark.parametrize("width_m", [3.5, 5.0, 6.5])
+def test_by_the_width_alone_one_lane_is_less_probable_than_from_its_middle(width_m):
+    by_width = one_lane_probability(width_m, None, PRIOR, EVIDENCE)
+    quarter = one_lane_probability(width_m, width_m / 4, PRIOR, EVIDENCE)
+    assert quarter < by_width < one_lane_probability(width_m, 0.0, PRIOR, EVIDENCE)
+
+
 def test_a_road_of_an_impossible_width_is_no_lane():
     assert one_lane_probability(80.0, 0.0, PRIOR, EVIDENCE) == 0.0
