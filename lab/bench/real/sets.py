@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lab.bench.real.frames import (
@@ -41,11 +41,14 @@ def data_folder(given: Path | None) -> Path:
     return given or Path(os.environ.get("TREPID_DATA") or ROOT.parent / "shared" / "data")
 
 
-def _camvid(name: str, width_px: int | None = None) -> Sequence:
+def _camvid(name: str, width_px: int | None = None, *, assumed: bool = True) -> Sequence:
+    """``assumed`` False: what the estimators with a camera file state, although height and lens are a guess."""
+
     def pictures(folder: Path, every: int) -> Iterator[Picture]:
         for split in ("train", "val"):
             labels = folder / f"{split}_road"
-            yield from stills(folder / split, f"{name}_*.jpg", labels, ".png", every=every, width_px=width_px)
+            found = stills(folder / split, f"{name}_*.jpg", labels, ".png", every=every, width_px=width_px)
+            yield from (replace(picture, assumed=assumed) for picture in found)
 
     return Sequence(pictures, Labels.ROAD)
 
@@ -90,6 +93,10 @@ SETS: dict[str, dict[str, Sequence]] = {
     "camvid_road": {
         **{name: _camvid(name) for name in CAMVID_DRIVES},
         **{f"{name} at 640x360": _camvid(name, CAMVID_WIDTH_PX) for name in CAMVID_DRIVES},
+        **{
+            f"{name} with a camera file": _camvid(name, CAMVID_WIDTH_PX, assumed=False)
+            for name in CAMVID_DRIVES
+        },
         "0016E5 at 15 Hz": Sequence(camvid_clip, Labels.ROAD),
     },
     "tusimple_lanenet": {"highway": Sequence(_tusimple, Labels.LINES, HIGHWAY_MPS)},
