@@ -19,7 +19,13 @@ from learning.lane.augment import Augmentation, Augmenter, nonsense
 from learning.lane.frames import Mounts
 from learning.lane.network import ExportedNetwork, SteerNetwork, loss
 from learning.lane.scores import LabelledFrames, Prediction, PursuitTask
-from learning.lane.unlabelled import SelfTraining, UnlabelledFrames, label_by_network, none_of
+from learning.lane.unlabelled import (
+    SelfTraining,
+    UnlabelledFrames,
+    label_by_network,
+    label_by_teacher,
+    none_of,
+)
 from learning.roadside import Scenery
 from perception.lane.settings import steering_settings
 from perception.net.canonical import MIRRORED
@@ -114,7 +120,7 @@ def train(
         started_s = time.monotonic()
         further = _label_drives(recipe, network, drives, task, progress.epoch)
         if len(drives):
-            report(f"the network gives {len(further)} of {len(drives)} frames without labels a lane")
+            report(f"{len(further)} of {len(drives)} frames without labels have a lane")
         batches = _batches(recipe, canonical, data, further, progress.epoch)
         steps = math.ceil(len(data) / recipe.batch)
         train_loss = _epoch(recipe, network, optimiser, batches, steps=steps, epoch=progress.epoch)
@@ -157,9 +163,11 @@ def largest_difference(network: SteerNetwork, exported: Network, images: np.ndar
 def _label_drives(
     recipe: Recipe, network: SteerNetwork, drives: UnlabelledFrames, task: PursuitTask, epoch: int
 ) -> LabelledFrames:
-    """The frames of ``drives`` with lanes by ``network``; none in the first epochs."""
+    """The frames of ``drives`` with lanes by their teacher, else by ``network``, then none in the first epochs."""
     early = epoch < recipe.self_training.after * recipe.epochs
     agree_rad = math.radians(recipe.self_training.agree_deg)
+    if drives.taught is not None:
+        return label_by_teacher(drives, task, agree_rad=agree_rad)
     exported = ExportedNetwork(network.eval())
 
     def predict(images: np.ndarray) -> Prediction:

@@ -44,6 +44,13 @@ def train(
             help="Video, folder of images or recording of real drives without labels, to learn from as well."
         ),
     ] = None,
+    teacher: Annotated[
+        str,
+        typer.Option(
+            help="Estimator that gives the frames of --unlabelled their lanes, such as segments;"
+            " default: the network under training."
+        ),
+    ] = "",
     car: Car = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue from existing frames and checkpoint.")
@@ -51,20 +58,29 @@ def train(
 ) -> None:
     """Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'.
 
-    For frames of ``--unlabelled`` the network gives the lanes itself, where it is consistent.
+    For frames of ``--unlabelled`` the network gives the lanes itself, or ``--teacher`` does, where both are
+    consistent.
     """
+    if teacher and not unlabelled:
+        raise InputError(f"--teacher {teacher}: there is no --unlabelled drive for it")
     need_torch("train-lane")
     from learning.lane.fit import Recipe
 
     given = dict(frames=frames, epochs=epochs, seed=seed)
     overrides = {name: str(value) for name, value in given.items() if value is not None}
     recipe = load(CONFIG_DIR / "train.yaml", Recipe, overrides=overrides)
-    record = run(recipe, out, weights, unlabelled=unlabelled or [], resume=resume)
+    record = run(recipe, out, weights, unlabelled=unlabelled or [], teacher=teacher, resume=resume)
     typer.echo(json.dumps(record.scores, indent=1))
 
 
 def run(
-    recipe: "Recipe", out: Path, folder: Path, *, unlabelled: Sequence[Path] = (), resume: bool
+    recipe: "Recipe",
+    out: Path,
+    folder: Path,
+    *,
+    unlabelled: Sequence[Path] = (),
+    teacher: str = "",
+    resume: bool,
 ) -> SteerNetRecord:
     """Render, fit, export and score; writes ``folder``/steer_net.onnx and steer_net.json. Raises InputError."""
     from learning.lane.fit import largest_difference
@@ -75,7 +91,13 @@ def run(
     started_s = time.monotonic()
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     canonical = crop_camera(camera, **recipe.crop.model_dump())
-    drives = read_drives(unlabelled, canonical, most_frames=recipe.self_training.most_frames)
+    drives = read_drives(
+        unlabelled,
+        canonical,
+        most_frames=recipe.self_training.most_frames,
+        teacher=teacher,
+        lookahead_m=recipe.lane_lookahead_m,
+    )
     wheelbase_m = load(CONFIG_DIR / "vehicle.yaml", Vehicle).wheelbase_m
     shot = TrainingShot(camera, canonical, recipe.lane_lookahead_m, recipe.frames_per_road, recipe.scenery)
     mounted = replace(shot, mounts=recipe.mounts)
@@ -121,6 +143,7 @@ def run(
     measured["nonsense"] = nonsense_shares(exported, data["test"], seed=recipe.seed)
     command = f"trepid train-lane --frames {recipe.frames} --epochs {recipe.epochs} --seed {recipe.seed}"
     command += "".join(f" --unlabelled {name}" for name in drives.names)
+    command += f" --teacher {teacher}" if teacher else ""
     record = SteerNetRecord(
         **origin(fresh, command),
         parameters=sum(p.numel() for p in network.parameters()),

@@ -127,3 +127,8 @@ def test_the_frames_of_the_circuit_cover_it_section_by_section():
 def test_without_torch_the_verb_names_the_package_to_install(tmp_path):
     with pytest.raises(InputError, match=r"pip install -e '\.\[train\]'"):
         train(out=tmp_path, weights=tmp_path)
+
+
+def test_a_teacher_without_drives_is_refused():
+    with pytest.raises(InputError, match="--teacher segments: there is no --unlabelled drive"):
+        train(teacher="segments")

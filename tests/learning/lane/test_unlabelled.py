@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 from learning.lane.scores import Prediction, PursuitTask
-from learning.lane.unlabelled import UnlabelledFrames, label_by_network, none_of, read_drives
+from learning.lane.unlabelled import (
+    UnlabelledFrames,
+    label_by_network,
+    label_by_teacher,
+    mirror_camera,
+    none_of,
+    read_drives,
+)
 from perception.net.canonical import crop_camera
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.road_file import load_road
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 
@@ -95,3 +104,54 @@ def test_frames_of_folders_and_images_are_read_as_drives_of_their_own(tmp_path: 
         read_drives([folder], CANONICAL, most_frames=9)
     with pytest.raises(InputError, match="nowhere"):
         read_drives([tmp_path / "nowhere"], CANONICAL, most_frames=3)
+
+
+def test_the_camera_of_the_mirror_image_shows_the_mirrored_road():
+    camera = load(CONFIG_DIR / "camera.yaml", Camera).model_copy(
+        update=dict(cx_px=150.0, y_m=0.3, yaw_rad=0.05, distortion=(0.1, -0.05, 0.002, 0.003, 0.01))
+    )
+    road_m = np.array([[5.0, 1.0], [12.0, -3.0], [30.0, 2.0]])
+    mirrored = mirror_camera(camera)
+    seen, other = camera.pixel_from_road(road_m), mirrored.pixel_from_road(road_m * (1, -1))
+    assert other == pytest.approx(np.column_stack([camera.width_px - 1 - seen[:, 0], seen[:, 1]]))
+    optical = np.array([[0.3, 0.1, 1.0], [-0.2, 0.4, 1.0]])
+    bent, bent_other = (
+        cv2.projectPoints(points, np.zeros(3), np.zeros(3), one.intrinsics, one.lens)[0][:, 0]
+        for points, one in ((optical, camera), (optical * (-1, 1, 1), mirrored))
+    )
+    assert bent_other == pytest.approx(np.column_stack([camera.width_px - 1 - bent[:, 0], bent[:, 1]]))
+    assert mirror_camera(mirrored) == camera
+
+
+@pytest.fixture(scope="module")
+def rendered_drive(tmp_path_factory) -> tuple[Path, list[float]]:
+    """Images of a straight road from a car that moves to the left, and its offsets; the last shows no road."""
+    folder = tmp_path_factory.mktemp("rendered") / "drive"
+    folder.mkdir()
+    road, offsets = load_road("straight"), np.linspace(0.10, 0.20, 12).tolist()
+    renderer = Renderer(road, load(CONFIG_DIR / "camera.yaml", Camera), seed=0)
+    for number, offset_m in enumerate(offsets):
+        x_m, y_m = road.position(20.0 + number, offset_m)
+        image = renderer.render(x_m, y_m, road.heading_at(20.0), t_s=0.0, station_m=20.0 + number)
+        cv2.imwrite(str(folder / f"{number:02}.png"), image)
+    cv2.imwrite(str(folder / "99.png"), np.full_like(image, 90))
+    return folder, offsets
+
+
+def test_frames_have_the_lanes_of_a_teacher_that_is_sure_in_both_directions(rendered_drive):
+    folder, offsets = rendered_drive
+    frames = read_drives([folder], CANONICAL, most_frames=99, teacher="cv", lookahead_m=10.0)
+    assert len(frames) == len(offsets) + 1
+    assert len(label_by_teacher(frames, TASK, agree_rad=0.0)) == 0
+    found = label_by_teacher(frames, TASK, agree_rad=AGREE_RAD)
+    assert 6 < len(found) <= len(offsets), "none in the image without a road"
+    taken = [int(np.flatnonzero((frames.images == image).all(axis=(1, 2, 3)))[0]) for image in found.images]
+    assert found.lanes[:, 0] == pytest.approx([offsets[number] for number in taken], abs=0.06)
+    assert found.lanes[:, 4] == pytest.approx(load_road("straight").width_at(20.0), abs=0.3)
+    assert frames.digest != read_drives([folder], CANONICAL, most_frames=99).digest
+
+
+def test_an_unknown_teacher_is_named(tmp_path: Path):
+    cv2.imwrite(str(tmp_path / "0.png"), np.full((120, 160, 3), 40, np.uint8))
+    with pytest.raises(InputError, match="nobody"):
+        read_drives([tmp_path], CANONICAL, most_frames=1, teacher="nobody")
