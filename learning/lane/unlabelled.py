@@ -61,9 +61,7 @@ class UnlabelledFrames:
     images: Image  # (n, height, width, 3)
     drives: NDArray[np.int64]  # (n,): number of the drive
     names: tuple[str, ...] = ()  # of the files, by number of the drive
-    taught: tuple[Prediction, Prediction] | None = (
-        None  # by a teacher: of the images, and of their mirror images
-    )
+    taught: tuple[Prediction, Prediction] | None = None  # by a teacher, of the images and of mirror images
 
     def __len__(self) -> int:
         return len(self.images)
