@@ -114,7 +114,7 @@ class ReliableSight(NamedTuple):
     cap_mps: float  # the speed that it allows; inf: every one
 
 
-SAME_SHARE, SAME_M = 0.25, 3.0  # the end of a sight and a vehicle that are this near are the same
+SAME_SHARE, SAME_M = 0.15, 3.0  # a vehicle this far beyond the end of a sight, in shares of it or in m, is that end
 
 
 class SightSpeed:
@@ -132,6 +132,7 @@ class SightSpeed:
         confirm_s = settings.detector.confirm_s if settings.detector else 0.0
         self.emergency = stop(settings.emergency, confirm_s)
         self._end_m: float | None = None  # the remembered sight less its deviation, from where the car is now
+        self._stated_m = 0.0  # the same with its deviation: where what ends it is
         self._cause, self._stated_s = "", -math.inf
         self._now_s: float | None = None
 
@@ -162,10 +163,10 @@ class SightSpeed:
         self._now_s = now_s
         stated = self._stated_sight_m(statistics)
         if stated is not None:
-            self._end_m, self._stated_s = stated - speed_mps * age_s, now_s
-            self._cause = statistics.sight_cause if statistics is not None else ""
+            self._end_m, self._stated_m = (sight_m - speed_mps * age_s for sight_m in stated)
+            self._cause, self._stated_s = statistics.sight_cause if statistics is not None else "", now_s
         elif self._end_m is not None:
-            self._end_m -= speed_mps * dt_s
+            self._end_m, self._stated_m = self._end_m - speed_mps * dt_s, self._stated_m - speed_mps * dt_s
         lately = now_s - self._stated_s <= self._settings.memory_s
         if self._end_m is None or not lately:
             sight_m, cause = None, str(Cause.SIGHT_UNKNOWN)
@@ -202,23 +203,23 @@ class SightSpeed:
         way_m = self.comfort.way_m(speed_mps)
         return CALM if way_m * CALM <= sight.free_m else sight.free_m / way_m
 
-    def _stated_sight_m(self, statistics: ImageStatistics | None) -> float | None:
-        """The sight less its deviation [m]; None where a number is missing or impossible."""
+    def _stated_sight_m(self, statistics: ImageStatistics | None) -> tuple[float, float] | None:
+        """The sight [m], less its deviation and as it is; None where a number is missing or impossible."""
         if statistics is None or statistics.sight_m is None or statistics.sight_sigma_m is None:
             return None
         sight_m, sigma_m = statistics.sight_m, statistics.sight_sigma_m
         possible = 0.0 <= sight_m <= self._settings.max_m and 0.0 <= sigma_m < math.inf
         if not possible:
             return None
-        return sight_m * math.exp(-self._settings.sigmas * sigma_m / sight_m) if sight_m > 0.0 else 0.0
+        less = math.exp(-self._settings.sigmas * sigma_m / sight_m) if sight_m > 0.0 else 0.0
+        return sight_m * less, sight_m
 
     def _free_m(self, end_m: float) -> float:
         return end_m - self._front_m - self._settings.margin_m
 
     def _is_it(self, leader_m: float) -> bool:
         """Whether the vehicle that is followed is what ends the sight, or stands before its end."""
-        assert self._end_m is not None
-        return leader_m - self._end_m <= at_least(SAME_M, SAME_SHARE * self._end_m)
+        return leader_m - self._stated_m <= at_least(SAME_M, SAME_SHARE * self._stated_m)
 
     def _reach_mps(self, detector: DetectorReach, ended_m: float, bend_1pm: float) -> float:
         """The speed from which an emergency stop fits within the reach of the ``detector``.

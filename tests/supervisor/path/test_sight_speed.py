@@ -188,6 +188,23 @@ def test_the_gap_to_a_leader_replaces_the_sight_that_it_takes_but_not_that_of_a_
     assert wall.cap_mps == foggy.cap_mps < 8.0
 
 
+@given(
+    end_m=st.floats(10.0, 80.0),
+    share=st.floats(0.0, 0.15),
+    late_s=st.floats(0.0, 0.1),
+    more_m=st.floats(0.0, 2.0),
+)
+def test_a_leader_at_the_end_of_the_sight_is_that_end_however_uncertain_and_old_the_sight_is(
+    end_m, share, late_s, more_m
+):
+    seen = statistics_of(end_m, "occluded", sigma_m=share * end_m)
+    leader_m = end_m + more_m - 8.0 * late_s
+    follows = sight_speed().step(seen, Motion(8.0, 0.0), age_s=late_s, now_s=0.0, leader_m=leader_m)
+    assert (follows.cap_mps, follows.cause) == (math.inf, "")
+    behind = sight_speed().step(seen, Motion(8.0, 0.0), age_s=late_s, now_s=0.0, leader_m=1.2 * end_m + 4.0)
+    assert behind.cause == "occluded"
+
+
 @given(sight_m=st.floats(0.0, 300.0), speed_mps=st.floats(0.0, 40.0))
 def test_the_input_of_the_rules_is_the_free_way_over_the_stopping_way(sight_m, speed_mps):
     speed = sight_speed()
