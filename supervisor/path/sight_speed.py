@@ -114,7 +114,10 @@ class ReliableSight(NamedTuple):
     cap_mps: float  # the speed that it allows; inf: every one
 
 
-SAME_SHARE, SAME_M = 0.15, 3.0  # a vehicle this far beyond the end of a sight, in shares of it or in m, is that end
+SAME_SHARE, SAME_M = (
+    0.15,
+    3.0,
+)  # a vehicle this far beyond the end of a sight, in shares of it or in m, is that end
 
 
 class SightSpeed:
