@@ -114,10 +114,7 @@ class ReliableSight(NamedTuple):
     cap_mps: float  # the speed that it allows; inf: every one
 
 
-SAME_SHARE, SAME_M = (
-    0.15,
-    3.0,
-)  # a vehicle this far beyond the end of a sight, in shares of it or in m, is that end
+SAME_SHARE, SAME_M = 0.15, 3.0  # so near behind the end of a sight, in shares of it or in m, a vehicle is it
 
 
 class SightSpeed:
