@@ -96,7 +96,9 @@ def test_jumps_and_slopes_that_no_road_has_are_refused_with_their_place(hill, le
 
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    hill=st.lists(st.tuples(st.floats(-0.12, 0.12), st.floats(-4, 4)), max_size=4),
+    hill=st.lists(
+        st.tuples(st.floats(-0.12, 0.12), st.floats(-2.5, 2.5)), max_size=4
+    ),  # no steeper than 0.35
     lean=st.lists(st.floats(-0.06, 0.06), max_size=4),
     closed=st.booleans(),
 )
