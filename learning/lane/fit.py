@@ -164,10 +164,10 @@ def _label_drives(
     recipe: Recipe, network: SteerNetwork, drives: UnlabelledFrames, task: PursuitTask, epoch: int
 ) -> LabelledFrames:
     """The frames of ``drives`` with lanes by their teacher, else by ``network``, then none in the first epochs."""
-    early = epoch < recipe.self_training.after * recipe.epochs
     agree_rad = math.radians(recipe.self_training.agree_deg)
     if drives.taught is not None:
         return label_by_teacher(drives, task, agree_rad=agree_rad)
+    early = epoch < recipe.self_training.after * recipe.epochs
     exported = ExportedNetwork(network.eval())
 
     def predict(images: np.ndarray) -> Prediction:

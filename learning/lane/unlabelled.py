@@ -94,11 +94,11 @@ def read_drives(
     camera_for, _ = cameras(None)
     if teacher:
         check_estimator(teacher)
-    teach = partial(_teach, canonical, teacher, lookahead_m)
+    step_of = partial(_step_of, canonical, teacher, lookahead_m)
     frames: list[TaughtFrame] = []
     drives: list[int] = []
     for number, path in enumerate(paths):
-        seen = results([path], camera_for, teach, Unread(strict=True), drive_fps=NOMINAL_FPS)
+        seen = results([path], camera_for, step_of, Unread(strict=True), drive_fps=NOMINAL_FPS)
         with closing(seen):
             drive = [_check_size(frame) for frame in islice(seen, most_frames)]
         frames += drive
@@ -118,7 +118,7 @@ class TaughtFrame(NamedTuple):
     sure: Array  # (2,)
 
 
-def _teach(
+def _step_of(
     canonical: Camera, teacher: str, lookahead_m: float, _: Source, camera: Camera
 ) -> Callable[[Frame], TaughtFrame | None]:
     """The step of a drive from ``camera``; None for an image of another size."""
@@ -130,8 +130,8 @@ def _teach(
         if frame.image.shape[:2] != size:
             return None
         image = as_bgr(frame.image)
-        pictures = image, np.ascontiguousarray(image[:, ::-1])
-        found = [eye(picture, frame.t_s) for eye, picture in zip(eyes, pictures, strict=False)]
+        sides = zip(eyes, (1, -1), strict=False)
+        found = [eye(np.ascontiguousarray(image[:, ::side]), frame.t_s) for eye, side in sides]
         lanes, sure = zip(*found, strict=True) if found else ((), ())
         return TaughtFrame(view.image(image), np.array(lanes, np.float32), np.array(sure))
 

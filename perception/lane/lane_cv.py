@@ -50,7 +50,7 @@ class LaneCv:
     ) -> None:
         """``guarded``: whether a lane that may be two, or a boundary that no pixel shows, limits the confidence.
 
-        Not at an assumed height, whose metres are a guess.
+        Off where the height of the camera is assumed: widths in metres are a guess then.
         """
         self._guarded = guarded
         self._settings, self._vehicle = settings, vehicle

@@ -114,7 +114,7 @@ class ReliableSight(NamedTuple):
     cap_mps: float  # the speed that it allows; inf: every one
 
 
-SAME_SHARE, SAME_M = 0.15, 3.0  # so near behind the end of a sight, in shares of it or in m, a vehicle is it
+SAME_SHARE, SAME_M = 0.15, 3.0  # distance behind the end of a sight up to which a vehicle is that end
 
 
 class SightSpeed:
@@ -132,7 +132,7 @@ class SightSpeed:
         confirm_s = settings.detector.confirm_s if settings.detector else 0.0
         self.emergency = stop(settings.emergency, confirm_s)
         self._end_m: float | None = None  # the remembered sight less its deviation, from where the car is now
-        self._stated_m = 0.0  # the same with its deviation: where what ends it is
+        self._stated_m = 0.0  # the remembered sight as stated, from there too: what ends it is here
         self._cause, self._stated_s = "", -math.inf
         self._now_s: float | None = None
 
@@ -204,7 +204,7 @@ class SightSpeed:
         return CALM if way_m * CALM <= sight.free_m else sight.free_m / way_m
 
     def _stated_sight_m(self, statistics: ImageStatistics | None) -> tuple[float, float] | None:
-        """The sight [m], less its deviation and as it is; None where a number is missing or impossible."""
+        """The sight [m] less its deviation, and as stated; None where a number is missing or impossible."""
         if statistics is None or statistics.sight_m is None or statistics.sight_sigma_m is None:
             return None
         sight_m, sigma_m = statistics.sight_m, statistics.sight_sigma_m

@@ -153,5 +153,5 @@ def test_frames_have_the_lanes_of_a_teacher_that_is_sure_in_both_directions(rend
 
 def test_an_unknown_teacher_is_named(tmp_path: Path):
     cv2.imwrite(str(tmp_path / "0.png"), np.full((120, 160, 3), 40, np.uint8))
-    with pytest.raises(InputError, match="nobody"):
-        read_drives([tmp_path], CANONICAL, most_frames=1, teacher="nobody")
+    with pytest.raises(InputError, match="no_such_estimator"):
+        read_drives([tmp_path], CANONICAL, most_frames=1, teacher="no_such_estimator")
