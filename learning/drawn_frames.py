@@ -57,6 +57,7 @@ MAX_RATE_1PM2 = 1 / 60  # … and longer where this rate requires it: 2.8 m/s³ 
 ROAD_M = 110.0
 SECTION_M = (30.0, 70.0)
 WIDTH_M, UNMARKED_WIDTH_M = (2.8, 3.8), (3.4, 5.0)  # of a lane; of a carriageway without lines
+BOTH_WAYS_WIDTH_M = 5.2, 7.2  # of a carriageway for both ways without lines
 CAMERAS_PER_ROAD = 4
 PITCH_JITTER_RAD, HEIGHT_JITTER_M = 0.012, 0.04
 MAX_OFFSET_M, MAX_HEADING_ERROR_RAD = 1.2, 0.3
@@ -124,6 +125,8 @@ def _random_place(
             road = highway(town)
         else:
             road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
+            if scenery.both_ways and road.name in UNMARKED and town.random() < scenery.both_ways:
+                road = widen(road, float(town.uniform(*BOTH_WAYS_WIDTH_M)))
         street, shown_m = Street(road, ()), (0.0, road.length_m)
     if scenery.seams and town.random() < scenery.seams:
         street = replace(street, road=add_seams(street.road, town))
@@ -143,7 +146,8 @@ def _sample(
 ) -> LaneSample:
     """A frame at a random pose near ``station_m``, or its mirror image."""
     road = renderer.road
-    offset_m = _near_zero(rng, 0.25, MAX_OFFSET_M)
+    # On a road for both ways the car is in the middle or in one half: the label is the carriageway all the same.
+    offset_m = _near_zero(rng, 0.25, max(MAX_OFFSET_M, road.width_at(station_m) / 4))
     heading_error = _near_zero(rng, 0.05, MAX_HEADING_ERROR_RAD)
     light, visible = _random_light(rng)
     x_m, y_m = road.position(station_m, offset_m)
@@ -257,6 +261,11 @@ def highway(rng: np.random.Generator) -> Road:
             ),
         )
     )
+
+
+def widen(road: Road, width_m: float) -> Road:
+    """``road`` with the lane width ``width_m``, which is that of the carriageway where it has no lines."""
+    return Road(road.settings.model_copy(update=dict(lane_width_m=width_m)))
 
 
 def add_seams(road: Road, rng: np.random.Generator) -> Road:

@@ -47,8 +47,8 @@ def train(
     teacher: Annotated[
         str,
         typer.Option(
-            help="Estimator that gives the frames of --unlabelled their lanes, such as segments;"
-            " default: the network under training."
+            help="Estimator that gives the frames of --unlabelled their lanes, such as segments, or cv on plain"
+            " roads; default: the network under training."
         ),
     ] = "",
     car: Car = None,

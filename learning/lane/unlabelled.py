@@ -1,7 +1,8 @@
 """Drives without labels, whose lanes an estimator or the network under training gives.
 
-**A teacher** has seen what the network has not, as `segments` has real streets. It gives each frame its lane once,
-before the training; the lane counts where it is sure in the frame and in its mirror image.
+**A teacher** gives each frame its lane once, before the training; the lane counts where it is sure in the frame and
+in its mirror image. `segments` has seen real streets; the terms of its training data hold for weights that it
+taught. `cv` learned from no data, and its lanes are right where lines are plain, as on a motorway by day.
 
 **The network itself** (self-training) gives each frame its lane before every epoch from the share ``after`` of the
 epochs on; the lane counts where a road is visible in the image and in its mirror image.
@@ -9,8 +10,7 @@ epochs on; the lane counts where a road is visible in the image and in its mirro
 In both cases the lane of the mirror image has to be the mirrored lane, and the frames before and after in the drive
 have to have nearly the same one. Nearly: the road-wheel angle of the pure pursuit differs by at most ``agree_deg``.
 The label is the mean of both images; the network learns it from augmented frames, as in FixMatch (Sohn et al.,
-Simplifying Semi-Supervised Learning with Consistency and Confidence, NeurIPS 2020). `cv` is no good teacher: it has
-the errors of the network.
+Simplifying Semi-Supervised Learning with Consistency and Confidence, NeurIPS 2020).
 """
 
 import hashlib

@@ -24,6 +24,7 @@ from learning.drawn_frames import (
 from learning.roadside import Scenery
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.appearance import Light, Marking, Section, Stroke
+from sim_harness.world.roads.drawn import UNMARKED
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -95,6 +96,21 @@ def test_scenery_adds_highways_and_seams_in_their_shares():
     assert not any("highway" in road.settings.name for road in roads())
     seams = [bool(road.sections[0].seams_m) for road in roads(seams=0.5)]
     assert 8 <= sum(seams) <= 22
+
+
+def test_roads_without_lines_are_as_wide_as_two_lanes_in_their_share_and_no_others_are():
+    def places(share: float) -> list[Road]:
+        scenery = Scenery(streets=0, things=0, both_ways=share)
+        generators = [(np.random.default_rng((n, 1)), np.random.default_rng((n, 2))) for n in range(40)]
+        return [_random_place(*pair, scenery)[0].road for pair in generators]
+
+    usual, wide = places(0.0), places(1.0)
+    assert all(road.settings.lane_width_m <= 5.0 for road in usual)
+    for one, other in zip(usual, wide, strict=True):
+        bare = one.settings.name in UNMARKED
+        assert (5.2 <= other.settings.lane_width_m <= 7.2) == bare
+        assert bare or one.settings == other.settings
+    assert sum(road.settings.lane_width_m > 5.0 for road in wide) > 2
 
 
 def test_a_mirrored_frame_shows_the_mirror_image_of_the_road():
