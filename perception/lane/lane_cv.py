@@ -54,7 +54,7 @@ class LaneCv:
         """
         self._guarded = guarded
         self._settings, self._vehicle = settings, vehicle
-        self._camera, self._view = camera, make_view(settings, camera)
+        self.camera, self._view = camera, make_view(settings, camera)
         self._rating = Rating(settings)
         self._memory = LaneMemory(settings, self._rating)
         self._choice = LaneChoice(settings, self._rating)
@@ -118,9 +118,9 @@ class LaneCv:
         )
 
     def _view_of(self, width_px: int, height_px: int) -> ViewTables | None:
-        if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
-            self._camera = self._camera.resize(width_px, height_px)
-            self._view = make_view(self._settings, self._camera)
+        if (self.camera.width_px, self.camera.height_px) != (width_px, height_px):
+            self.camera = self.camera.resize(width_px, height_px)
+            self._view = make_view(self._settings, self.camera)
         return self._view
 
     def _probability(self, lane: LaneState) -> float:

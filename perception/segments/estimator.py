@@ -18,18 +18,25 @@ from perception.lane.rating import Features
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import as_bgr, unusable
 from perception.segments.network import Segmenter
-from perception.segments.picture import draw_masks, drivable_share
+from perception.segments.picture import draw_masks, drivable_share, surface_width
 from perception.segments.settings import SegmentSettings, network_description, network_file, segment_settings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
 
 NAME = "segments"
+ROAD_M = 10.0  # of four lanes in a town
 NO_SURFACE = "the network does not call its surface drivable"
+JUNCTION = "the drivable surface is {:.0f} m wide ahead, as at a junction"
 
 
 class LaneFinder(Protocol):
     """Measures the lane in a picture of the masks. Its only state comes from earlier steps."""
+
+    @property
+    def camera(self) -> Camera | None:
+        """Of the pictures; None before the first one where it is not known."""
+        ...
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane in the picture of ``frame``."""
@@ -60,11 +67,19 @@ class Segments:
         scale = image.shape[1] / picture.shape[1]
         paths = found.left_boundary_px, found.right_boundary_px
         share = 1.0 if masks.area is None else drivable_share(masks.area, *paths)
+        confidence, reason = (
+            min(found.confidence, share),
+            found.reason or (NO_SURFACE if share < 1 / 2 else ""),
+        )
+        if confidence < 1 / 2 and masks.area is not None and self._finder.camera is not None:
+            wide_m = surface_width(masks.area, self._finder.camera)
+            if wide_m > ROAD_M:
+                reason = "; ".join(filter(None, (JUNCTION.format(wide_m), reason)))
         return replace(
             found,
             estimator=NAME,
-            confidence=min(found.confidence, share),
-            reason=found.reason or (NO_SURFACE if share < 1 / 2 else ""),
+            confidence=confidence,
+            reason=reason,
             left_boundary_px=_path_in_image(paths[0], scale),
             right_boundary_px=_path_in_image(paths[1], scale),
         )

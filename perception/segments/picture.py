@@ -18,12 +18,15 @@ Without its faint dashes a road for both ways would be one lane.
 **Surface.** A lane is right only where a car may drive on all of it. Its probability is thus at most that of each
 of its pixels to be drivable, and so at most their mean: a pavement between a kerb and a line is no lane, however
 clear both are. Near pixels are the most, so that what drives ahead, and hides the lane, hides few of them.
+
+**Junctions.** A road is at most some lanes wide; where roads meet, the surface opens to both sides.
 """
 
 import cv2
 import numpy as np
 
 from perception.segments.network import Masks
+from trepid.car.camera import Camera
 from trepid.messages import PixelPath
 from trepid.types import Floats, Image
 
@@ -33,6 +36,7 @@ LEAST = 0.2  # probability of a crest
 EVIDENCE, PRIOR = 0.5, 1.5  # of the logit of a pixel in that of a crest; the logit of a crest at p = 1/2
 LEAST_PIXEL = 1e-7  # of a probability whose logit is taken
 BONNET = 1 / 2  # of the rows of a lane, the most that the own bonnet hides
+OPEN_FROM_M, OPEN_TO_M = 6.0, 25.0  # ahead of the camera, where the surface is measured across
 AHEAD = 0.02  # half the width of the strip straight ahead, in widths of the picture
 
 
@@ -66,6 +70,20 @@ def drivable_share(area: Floats, left: PixelPath, right: PixelPath) -> float:
     hidden = np.cumprod(area[rows][::-1, ahead].mean(axis=1) < 1 / 2).sum()
     rows = rows[: len(rows) - min(hidden, int(BONNET * len(rows)))]
     return float(area[rows][lane[rows]].mean()) if len(rows) else 0.0
+
+
+def surface_width(area: Floats, camera: Camera) -> float:
+    """The greatest width [m] of drivable ``area``, (h, w), across the straight way ahead; 0 without any there.
+
+    In the row v below the horizon v₀ of a level road a pixel is h/(v - v₀) wide, by the height h of ``camera``.
+    """
+    camera, middle = camera.resize(*area.shape[::-1]), area.shape[1] // 2
+    scale_m = camera.height_m / np.maximum(np.arange(len(area)) - camera.horizon_row_px, 1e-6)
+    band = np.abs(scale_m * camera.fx_px - (OPEN_FROM_M + OPEN_TO_M) / 2) <= (OPEN_TO_M - OPEN_FROM_M) / 2
+    wall = area[band] < 1 / 2
+    sides = wall[:, middle:], wall[:, :middle][:, ::-1]
+    free_px = sum(np.where(side.any(axis=1), side.argmax(axis=1), side.shape[1]) for side in sides)
+    return float(np.max(scale_m[band] * free_px * ~wall[:, middle], initial=0.0))
 
 
 def crest_probability(lines: Floats) -> Floats:

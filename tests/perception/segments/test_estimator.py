@@ -13,6 +13,7 @@ from perception.lane.street.pairs import boundaries, pairs
 from perception.lane.street.profile import Profile, StreetCourse
 from perception.segments.estimator import LaneFinder, Segments
 from perception.segments.network import Masks
+from perception.segments.picture import surface_width
 from perception.segments.settings import lane_settings, network_description, network_file, segment_settings
 from perception.segments.unknown_camera import LaneOfPictures
 from trepid.car.camera import Camera
@@ -92,6 +93,31 @@ def test_the_mirrored_image_has_the_mirrored_lane(tmp_path: Path) -> None:
     seen, mirrored = look(segments_in(tmp_path), image), look(segments_in(tmp_path), image[:, ::-1])
     assert mirrored.lateral_offset_m == pytest.approx(-seen.lateral_offset_m, abs=0.05)
     assert mirrored.road_wheel_angle_rad == pytest.approx(-seen.road_wheel_angle_rad, abs=0.01)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_surface_that_opens_to_both_sides_without_a_lane_is_called_a_junction(
+    known: bool, tmp_path: Path
+) -> None:
+    """It is as wide as the image is at the greatest distance: d times the width over the focal length."""
+    image = road((0.0, 0.0, 0.0, 0.0), left=None, right=None)
+    rows = np.arange(CAMERA.height_px) - CAMERA.horizon_row_px
+    image[rows > 0] = image[-1, CAMERA.width_px // 2]
+    finder = finder_of(CAMERA, known=known)
+    seen = look(Segments(segmenter(tmp_path), finder, lookahead_m=LOOKAHEAD_M), image)
+    assert seen.confidence < 0.5 and "as at a junction" in seen.reason
+    assert finder.camera is not None
+    wide_m = surface_width(np.ones((192, 320), np.float32), finder.camera)
+    assert wide_m == pytest.approx(25.0 * CAMERA.width_px / finder.camera.fx_px, rel=0.1)
+
+
+def test_the_width_of_a_surface_is_measured_in_metres_and_a_blocked_way_has_none() -> None:
+    aside_px = np.arange(CAMERA.width_px) - (CAMERA.width_px - 1) / 2
+    scale_m = CAMERA.height_m / np.maximum(np.arange(CAMERA.height_px) - CAMERA.horizon_row_px, 1e-6)
+    area = (np.abs(aside_px) * scale_m[:, None] < 3.0).astype(np.float32)
+    assert surface_width(area, CAMERA) == pytest.approx(6.0, rel=0.1)
+    area[:, CAMERA.width_px // 2] = 0.0
+    assert surface_width(area, CAMERA) == 0.0
 
 
 def test_an_image_without_a_road_gives_no_lane(tmp_path: Path) -> None:
