@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 import pytest
-from bonnet_rig import with_bonnet
+from bonnet_rig import PILLAR, VENTS, WIPER, with_bonnet, with_outlines
 from drawn_road_rig import CAMERA, VEHICLE, road
 
 from perception.camera.lower_end import LOOKS, SAME, LowerEnd, rim
@@ -96,3 +96,21 @@ def test_under_a_bonnet_an_estimator_with_a_camera_file_has_the_same_lane_as_wit
     assert seen[True].confidence > 0.9 * seen[False].confidence > 0.7
     assert seen[True].lateral_offset_m == pytest.approx(seen[False].lateral_offset_m, abs=0.1)
     assert seen[True].curvature_1pm == pytest.approx(seen[False].curvature_1pm, abs=0.004)
+
+
+@pytest.mark.parametrize(("name", "within_m"), [("cv", 0.05), ("cnn", 0.2)])
+@pytest.mark.parametrize(
+    ("outlines", "look"), [(PILLAR, {"grey": 12}), (WIPER, {"grey": 10}), (VENTS, {"lighter": 60})]
+)
+@pytest.mark.parametrize("side", [-1, 1])
+def test_what_stands_still_in_the_image_moves_no_lane(name, within_m, outlines, look, side):
+    seen = {}
+    for covered in (False, True):
+        estimator = entry_of(name).build(CAMERA, VEHICLE)
+        for number in range(8):
+            image = road((0.2, 0.02, 0.0, 0.0), seed=number)
+            if covered:
+                image = with_outlines(image[:, ::side], outlines, **look)[:, ::side].copy()
+            seen[covered] = estimator.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+    assert seen[True].confidence > 0.9 * seen[False].confidence > 0.7
+    assert seen[True].lateral_offset_m == pytest.approx(seen[False].lateral_offset_m, abs=within_m)
