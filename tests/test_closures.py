@@ -67,7 +67,7 @@ CLOSURES = {
         "import perception.node, perception.segments.estimator",
         {"perception"},
         55,
-        5_253,
+        5_251,
     ),
     "lead": Closure(
         "import perception.lead.node\nfrom perception.lead.finder import build\nassert build()",
@@ -121,7 +121,7 @@ WHOLE_CAR = Closure(
     "\n".join([*(one.statements for one in CLOSURES.values()), DRIVERS]),
     {"perception", "supervisor", "controller", "vehicle", "drive", "cockpit.page"},
     232,
-    24_573,
+    24_571,
 )
 """All of a car: launcher, every node, every driver of cameras, actuators and driver input, bridge to ROS 2."""
 

@@ -4,7 +4,8 @@
 2. **Picture**: the masks drawn as a clean road (:mod:`.picture`).
 3. **Lane**: the finder of ``cv`` reads the picture in place of the image. It decides which boundaries are those of
    the own lane, fits, tracks and rates them.
-4. **Surface**: the lane is at most as sure as its surface is drivable (:mod:`.picture`).
+4. **Surface**: the lane is at most as sure as its surface is drivable. Where no lane is sure, a wide surface is
+   named as a junction (:mod:`.picture`).
 """
 
 from dataclasses import replace
@@ -67,10 +68,8 @@ class Segments:
         scale = image.shape[1] / picture.shape[1]
         paths = found.left_boundary_px, found.right_boundary_px
         share = 1.0 if masks.area is None else drivable_share(masks.area, *paths)
-        confidence, reason = (
-            min(found.confidence, share),
-            found.reason or (NO_SURFACE if share < 1 / 2 else ""),
-        )
+        confidence = min(found.confidence, share)
+        reason = found.reason or (NO_SURFACE if share < 1 / 2 else "")
         if confidence < 1 / 2 and masks.area is not None and self._finder.camera is not None:
             wide_m = surface_width(masks.area, self._finder.camera)
             if wide_m > ROAD_M:
