@@ -121,7 +121,7 @@ WHOLE_CAR = Closure(
     "\n".join([*(one.statements for one in CLOSURES.values()), DRIVERS]),
     {"perception", "supervisor", "controller", "vehicle", "drive", "cockpit.page"},
     232,
-    24_571,
+    24_569,
 )
 """All of a car: launcher, every node, every driver of cameras, actuators and driver input, bridge to ROS 2."""
 

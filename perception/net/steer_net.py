@@ -5,9 +5,6 @@ state, so that vehicle, look-ahead and camera can change without training, and i
 and Gal, What Uncertainties Do We Need, NIPS 2017). Confidence is the probability, calibrated on roads outside
 the training set, that the error of κ_cmd is below that of ``tolerance_rad`` at the wheels of the car of the
 calibration: a matter of the path, not of the wheelbase of the car that drives.
-
-The network measures a road without lines as one lane, however wide. A road wider than any lane is for both ways:
-its lane is the half in which the car is, and there is none near the middle.
 """
 
 import math
@@ -32,7 +29,6 @@ from trepid.messages import SIGMA_AHEAD_M, Frame, SteeringEstimate, VehicleState
 from trepid.types import Image, Positive, Share
 
 NAME = "cnn"
-HALF_FROM = 0.15  # of the width of a road for both ways: nearer to its middle the car is in no half
 OUTPUTS = ("lane", "command_sigma_1pm", "visible", "unlike")
 
 
@@ -43,16 +39,12 @@ class SteerNetSettings(Settings):
     min_visible: Share
     lane_width_m: tuple[Positive, Positive, Positive, Positive]
 
-    def lanes(self, width_m: float) -> int:
-        """1, or 2 of a road for both ways, which is wider than any lane."""
-        return 2 if width_m > self.lane_width_m[-1] else 1
-
     def width_share(self, width_m: float) -> float:
-        """1 for the width of a lane or of a road for both ways, 0 for one that neither has, linear between."""
+        """1 for the width of a lane, 0 for one that no lane has, linear between."""
         least_m, narrow_m, wide_m, most_m = self.lane_width_m
-        lane_m = width_m / self.lanes(width_m)
-        spare_m = min(most_m - lane_m, abs(most_m - width_m))  # a little more than one lane is no second one
-        return max(0.0, min(1.0, (lane_m - least_m) / (narrow_m - least_m), spare_m / (most_m - wide_m)))
+        return max(
+            0.0, min(1.0, (width_m - least_m) / (narrow_m - least_m), (most_m - width_m) / (most_m - wide_m))
+        )
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
@@ -92,8 +84,9 @@ class World(Settings):
 class Outputs(NamedTuple):
     """Outputs of the network for n images."""
 
-    # (n, 5): offset [m], heading [rad], curvature at the axle and at ``lane_lookahead_m``, width [m]
-    lanes: NDArray[np.float32]
+    lanes: NDArray[
+        np.float32
+    ]  # (n, 5): offset [m], heading [rad], curvature at the axle and at ``lane_lookahead_m``, width [m]
     command_sigma_1pm: NDArray[np.float32]  # (n,): standard deviation of κ_cmd
     visible: NDArray[np.float32]  # (n,): probability of a road
     unlike: NDArray[np.float32]  # (n,): distance from the images of training, 0 to 1
@@ -143,14 +136,6 @@ def ahead_sigma_m(command_sigma_1pm: float, lookahead_m: float) -> tuple[float, 
     return tuple(aim_sigma_m * max(1.0, (ahead_m / lookahead_m) ** 2) for ahead_m in SIGMA_AHEAD_M)
 
 
-def half_with_car(road: Lane, width_m: float) -> Lane | None:
-    """The half with the car of a ``road`` for both ways; None near its middle. Parallel at d, κ is κ/(1 - κ·d)."""
-    if abs(road.offset_m) < HALF_FROM * width_m:
-        return None
-    left_m, bend_1pm = math.copysign(width_m / 4, road.offset_m), road.curvature_1pm
-    return road._replace(offset_m=road.offset_m - left_m, curvature_1pm=bend_1pm / (1 - bend_1pm * left_m))
-
-
 class Network:
     """The ONNX graph: images of the canonical camera to lane, standard deviation and visibility."""
 
@@ -182,7 +167,8 @@ class SteerNet:
         """
         weights = resource(Path(settings.weights))
         self._settings, self._steering = settings, steering_settings()
-        self._vehicle, self._assumed = vehicle, assumed
+        self._vehicle = vehicle
+        self._assumed = assumed
         self._network = Network(weights)
         self._record = load_record(weights, SteerNetRecord)
         self._view = CanonicalView(camera, self._record.camera)
@@ -207,35 +193,15 @@ class SteerNet:
         if not all(np.isfinite(output).all() for output in found):
             return self._nothing(frame, "the network's output is not finite")
         lane, width_m = lane_of_row(found.lanes[0], self._record.lane_lookahead_m)
-        sigma_1pm, width_m = float(found.command_sigma_1pm[0]) / self._view.scale, width_m * self._view.scale
+        sigma_1pm, width_m = float(found.command_sigma_1pm[0]), width_m * self._view.scale
         confidence, reason = self._confidence(found, sigma_1pm, width_m)
         if reason:
             return self._nothing(frame, reason)
-        own: Lane | None = self._view.lane(lane)
-        if self._settings.lanes(width_m / self._vehicle.scale) > 1:
-            own, width_m = half_with_car(self._view.lane(lane), width_m), width_m / 2
-        if own is None:
-            return self._nothing(frame, f"the car is in the middle of a road of {2 * width_m:.1f} m")
-        ahead_m = self._steering.lookahead_m
-        angle_rad = road_wheel_angle(own.pursuit_curvature(ahead_m), wheelbase_m=self._vehicle.wheelbase_m)
-        return replace(
-            self._nothing(frame, ""),
-            lateral_offset_m=own.offset_m,
-            heading_error_rad=own.heading_rad,
-            curvature_1pm=own.curvature_at(ahead_m),
-            curvature_rate_1pm2=own.curvature_rate_1pm2,
-            road_wheel_angle_rad=angle_rad,
-            lane_width_m=width_m,
-            confidence=confidence,
-            ahead_sigma_m=ahead_sigma_m(sigma_1pm, ahead_m),
-        )
+        seen = self._lane_estimate(frame, self._view.lane(lane), confidence, sigma_1pm / self._view.scale)
+        return replace(seen, lane_width_m=width_m)
 
     def _confidence(self, found: Outputs, sigma_1pm: float, width_m: float) -> tuple[float, str]:
-        """The confidence of the lane of one image, and why there is no lane; "" if there is one.
-
-        P of the calibration for δ = atan(L·κ_cmd), with σ_δ ≈ L·σ_κ (its largest value, straight ahead). L is that
-        of the calibration, not of this car: on a longer one the same path needs a greater angle.
-        """
+        """The confidence of the lane of one image, and why there is no lane; "" if there is one."""
         visible = float(found.visible[0])
         if visible < self._settings.min_visible:
             return 0.0, "the network detects no road"
@@ -245,12 +211,37 @@ class SteerNet:
         width = 1.0 if self._assumed else self._settings.width_share(width_m / self._vehicle.scale)
         if width == 0.0:
             return 0.0, f"the lane of the network is {width_m:.1f} m wide"
-        calibration = self._record.calibration
-        confidence = world * width * visible * calibration.probability(calibration.wheelbase_m * sigma_1pm)
+        confidence = world * width * visible * self._probability(sigma_1pm)
         if confidence < self._steering.min_confidence:
             return 0.0, "the network detects a road, but the confidence of its lane is too low"
         return confidence, ""
 
-    def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
+    def _probability(self, command_sigma_1pm: float) -> float:
+        """Calibrated probability for δ = atan(L·κ_cmd), with σ_δ ≈ L·σ_κ (its largest value, straight ahead).
+
+        L is that of the calibration, not of this car: on a longer one the same path needs a greater angle.
+        """
+        calibration = self._record.calibration
+        return calibration.probability(calibration.wheelbase_m * command_sigma_1pm / self._view.scale)
+
+    def _lane_estimate(
+        self, frame: Frame, lane: Lane, confidence: float, command_sigma_1pm: float
+    ) -> SteeringEstimate:
         ahead_m = self._steering.lookahead_m
-        return SteeringEstimate.nothing(frame.t_s, estimator=NAME, lookahead_m=ahead_m, reason=reason)
+        return replace(
+            self._nothing(frame, ""),
+            lateral_offset_m=lane.offset_m,
+            heading_error_rad=lane.heading_rad,
+            curvature_1pm=lane.curvature_at(ahead_m),
+            curvature_rate_1pm2=lane.curvature_rate_1pm2,
+            road_wheel_angle_rad=road_wheel_angle(
+                lane.pursuit_curvature(ahead_m), wheelbase_m=self._vehicle.wheelbase_m
+            ),
+            confidence=confidence,
+            ahead_sigma_m=ahead_sigma_m(command_sigma_1pm, ahead_m),
+        )
+
+    def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
+        return SteeringEstimate.nothing(
+            frame.t_s, estimator=NAME, lookahead_m=self._steering.lookahead_m, reason=reason
+        )

@@ -11,8 +11,7 @@ from perception.estimators import entry_of
 from perception.lane.agreement import apart
 from perception.lane.outline import with_boundaries
 from perception.net.confirmed import CONFIRMED, DENIED, UNCONFIRMED, ConfirmedNet, agreement_degree
-from perception.net.steer_net import SteerNet, SteerNetSettings
-from trepid.config import CONFIG_DIR, load
+from perception.net.steer_net import SteerNet
 from trepid.messages import Frame, SteeringEstimate
 
 FRAME = Frame(t_s=0.0, image=np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.uint8))
@@ -126,8 +125,7 @@ def test_a_network_in_a_lane_of_another_width_than_its_own_is_doubted():
     image = road((0.2, 0.0, 0.0, 0.0), camera=low)
     camera = calibrate_by_images([image], SETTINGS.self_calibration)
     frame = Frame(t_s=0.0, image=image)
-    network = SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, VEHICLE, assumed=True)
-    alone = network.step(frame, None, now_s=0.0)
+    alone = entry_of("cnn").build(camera, VEHICLE).step(frame, None, now_s=0.0)
     doubted = entry_of("cnn").build(camera, VEHICLE, assumed=True).step(frame, None, now_s=0.0)
     assert math.isclose(doubted.lateral_offset_m or 0.0, alone.lateral_offset_m or 0.0)
     assert doubted.confidence < max(alone.confidence / 2, 0.01)
