@@ -58,7 +58,7 @@ help:
 	@echo "make inputs  files of other tools: text, roads, recordings, videos, networks, tubs, DBC, cameras, rules; part of make test"
 	@echo "make long    trainings, several drives in a test, the page in a browser: tests that make test omits"
 	@echo "make live    every process of a live drive killed, frozen or left alone: the tests of this kind that make test omits"
-	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
+	@echo "make suite   all scenarios against their expectations on the exact lane, and those under snow in pictures"
 	@echo "make wheel   build wheel and sdist, install them, and use them from an empty folder"
 	@echo "make documented  every command of the pages from the installed wheel, a folder for each page (ARGS='-k rc.md')"
 	@echo "make pythons the wheel in an empty environment of each Python here, with the libraries of the package index"

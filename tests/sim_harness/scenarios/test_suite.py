@@ -37,6 +37,8 @@ FAMILIES = [
 ]
 """Scenarios of one drive, road and expectation that differ only by what is drawn; the first drives for all."""
 ALIKE = {name for _, *others in FAMILIES for name in others}
+UNDER_SNOW = ("snow_covered", "snowy_sides")
+"""Scenarios in which an estimator follows the edge of the snow; the true lane hides that."""
 OF_SIGHT = ("fog", "rain", "snow", "night", "occlusion")
 """Disturbances that end the true sight; the others change pictures alone."""
 
@@ -112,6 +114,12 @@ def test_scenarios_that_differ_by_what_is_drawn_are_one_drive_on_the_true_lane(s
 @pytest.mark.parametrize("name", sorted(set(NAMES) - NOT_JUDGED - ALIKE))
 def test_a_scenario_meets_its_expectations_on_the_true_lane(scenarios, name):
     assert list(run(on_the_true_lane(scenarios[name])).reasons) == []
+
+
+@pytest.mark.suite
+@pytest.mark.parametrize("name", UNDER_SNOW)
+def test_a_scenario_under_snow_meets_its_expectations_in_pictures(scenarios, name):
+    assert list(run(scenarios[name]).reasons) == []
 
 
 def test_only_the_expectations_of_faults_of_pictures_are_not_judged_on_the_true_lane(scenarios):
