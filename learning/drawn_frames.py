@@ -57,7 +57,9 @@ MAX_RATE_1PM2 = 1 / 60  # … and longer where this rate requires it: 2.8 m/s³ 
 ROAD_M = 110.0
 SECTION_M = (30.0, 70.0)
 WIDTH_M, UNMARKED_WIDTH_M = (2.8, 3.8), (3.4, 5.0)  # of a lane; of a carriageway without lines
-BOTH_WAYS_WIDTH_M = 5.2, 7.2  # of a carriageway for both ways without lines
+BOTH_WAYS, HALF_WIDTH_M = "both ways", (2.7, 3.7)  # name of a road for both ways without lines; of its half
+MIDDLE_M, MIDDLE_SHARE, ANYWHERE_SHARE = 0.5, 0.25, 0.3  # places on it: up to its middle, over its half
+SNOW_BANK_M = (0.0, 0.6)
 CAMERAS_PER_ROAD = 4
 PITCH_JITTER_RAD, HEIGHT_JITTER_M = 0.012, 0.04
 MAX_OFFSET_M, MAX_HEADING_ERROR_RAD = 1.2, 0.3
@@ -126,7 +128,9 @@ def _random_place(
         else:
             road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
             if scenery.both_ways and road.name in UNMARKED and town.random() < scenery.both_ways:
-                road = widen(road, float(town.uniform(*BOTH_WAYS_WIDTH_M)))
+                road = add_other_half(road, float(town.uniform(*HALF_WIDTH_M)))
+            if scenery.snow and town.random() < scenery.snow:
+                road = snow_up(road, town)
         street, shown_m = Street(road, ()), (0.0, road.length_m)
     if scenery.seams and town.random() < scenery.seams:
         street = replace(street, road=add_seams(street.road, town))
@@ -146,8 +150,7 @@ def _sample(
 ) -> LaneSample:
     """A frame at a random pose near ``station_m``, or its mirror image."""
     road = renderer.road
-    # On a road for both ways the car is in the middle or in one half: the label is the carriageway all the same.
-    offset_m = _near_zero(rng, 0.25, max(MAX_OFFSET_M, road.width_at(station_m) / 4))
+    offset_m = _random_offset(road, rng)
     heading_error = _near_zero(rng, 0.05, MAX_HEADING_ERROR_RAD)
     light, visible = _random_light(rng)
     x_m, y_m = road.position(station_m, offset_m)
@@ -263,9 +266,18 @@ def highway(rng: np.random.Generator) -> Road:
     )
 
 
-def widen(road: Road, width_m: float) -> Road:
-    """``road`` with the lane width ``width_m``, which is that of the carriageway where it has no lines."""
-    return Road(road.settings.model_copy(update=dict(lane_width_m=width_m)))
+def add_other_half(road: Road, half_m: float) -> Road:
+    """``road``, which has no lines, as the right half of a carriageway for both ways, each ``half_m`` wide."""
+    sections = tuple(one.model_copy(update=dict(paved_left_m=half_m)) for one in road.sections)
+    return Road(road.settings.model_copy(update=dict(name=BOTH_WAYS, lane_width_m=half_m, sections=sections)))
+
+
+def snow_up(road: Road, rng: np.random.Generator) -> Road:
+    """``road`` under trodden snow, with a bank of snow along each of its edges."""
+    snow = snow_on(float(rng.uniform(*SNOW_COVER)))
+    snow |= {side: float(rng.uniform(*SNOW_BANK_M)) for side in ("snow_left_m", "snow_right_m")}
+    sections = tuple(one.model_copy(update=snow) for one in road.sections)
+    return Road(road.settings.model_copy(update=dict(sections=sections)))
 
 
 def add_seams(road: Road, rng: np.random.Generator) -> Road:
@@ -401,6 +413,21 @@ def _random_lead(road: Road, station_m: float, rng: np.random.Generator) -> tupl
     ahead_m = station_m + float(rng.uniform(8, 45))
     x_m, y_m = road.position(ahead_m, float(rng.normal(0, 0.3)))
     return x_m, y_m, road.heading_at(ahead_m) + float(rng.normal(0, 0.03))
+
+
+def _random_offset(road: Road, rng: np.random.Generator) -> float:
+    """An offset from the lane; on a road for both ways without lines, from its right half and up to the middle.
+
+    There the lane is the half with the car. Mirror images show left halves, so in the middle either half is
+    the lane equally often, and an estimate can only be uncertain.
+    """
+    middle_m = road.settings.lane_width_m / 2
+    place = rng.random() if road.name == BOTH_WAYS else 1.0
+    if place < MIDDLE_SHARE:
+        return float(rng.uniform(middle_m - MIDDLE_M, middle_m))
+    if place < MIDDLE_SHARE + ANYWHERE_SHARE:
+        return float(rng.uniform(-MAX_OFFSET_M, middle_m))
+    return _near_zero(rng, 0.25, MAX_OFFSET_M)
 
 
 def _near_zero(rng: np.random.Generator, sigma: float, limit: float) -> float:

@@ -21,7 +21,8 @@ class Scenery(Settings):
 
     streets: Share  # in towns, with vehicles
     highways: Share = 0.0  # of those outside towns
-    both_ways: Share = 0.0  # of drawn roads without lines, as wide as two lanes
+    both_ways: Share = 0.0  # of drawn roads without lines, for both ways: the lane is the half with the car
+    snow: Share = 0.0  # of those outside towns, under trodden snow
     seams: Share = 0.0  # with tar seams along the road
     things: Share  # with things beside the road
 

@@ -10,11 +10,13 @@ import pytest
 from learning.drawn_frames import (
     AHEAD_M,
     BLIND_SHARE,
+    BOTH_WAYS,
     MIN_RADIUS_M,
     LaneSample,
     _blinding_light,
     _mirror_camera,
     _random_light,
+    _random_offset,
     _random_place,
     add_seams,
     highway,
@@ -23,7 +25,7 @@ from learning.drawn_frames import (
 )
 from learning.roadside import Scenery
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.roads.appearance import Light, Marking, Section, Stroke
+from sim_harness.world.roads.appearance import Light, Marking, Section, Stroke, Verge
 from sim_harness.world.roads.drawn import UNMARKED
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.car.camera import Camera
@@ -86,31 +88,51 @@ def test_seams_are_the_only_change_of_a_seamed_road():
     assert with_seams.settings.model_copy(update={"sections": tuple(bare)}) == road.settings
 
 
+def roads(**shares: float) -> list[Road]:
+    """Roads of 40 seeds outside towns."""
+    scenery = Scenery(streets=0, things=0, **shares)
+    generators = [(np.random.default_rng((n, 1)), np.random.default_rng((n, 2))) for n in range(40)]
+    return [_random_place(*pair, scenery)[0].road for pair in generators]
+
+
 def test_scenery_adds_highways_and_seams_in_their_shares():
-    def roads(**shares: float) -> list[Road]:
-        scenery = Scenery(streets=0, things=0, **shares)
-        generators = [(np.random.default_rng((n, 1)), np.random.default_rng((n, 2))) for n in range(30)]
-        return [_random_place(*pair, scenery)[0].road for pair in generators]
-
-    assert {road.settings.name for road in roads(highways=1.0)} == {"highway"}
-    assert not any("highway" in road.settings.name for road in roads())
+    assert {road.name for road in roads(highways=1.0)} == {"highway"}
+    assert "highway" not in {road.name for road in roads()}
     seams = [bool(road.sections[0].seams_m) for road in roads(seams=0.5)]
-    assert 8 <= sum(seams) <= 22
+    assert 12 <= sum(seams) <= 28
 
 
-def test_roads_without_lines_are_as_wide_as_two_lanes_in_their_share_and_no_others_are():
-    def places(share: float) -> list[Road]:
-        scenery = Scenery(streets=0, things=0, both_ways=share)
-        generators = [(np.random.default_rng((n, 1)), np.random.default_rng((n, 2))) for n in range(40)]
-        return [_random_place(*pair, scenery)[0].road for pair in generators]
-
-    usual, wide = places(0.0), places(1.0)
-    assert all(road.settings.lane_width_m <= 5.0 for road in usual)
+def test_roads_without_lines_are_for_both_ways_in_their_share_and_no_others_are():
+    usual, wide = roads(), roads(both_ways=1.0)
+    assert BOTH_WAYS not in {road.name for road in usual}
     for one, other in zip(usual, wide, strict=True):
-        bare = one.settings.name in UNMARKED
-        assert (5.2 <= other.settings.lane_width_m <= 7.2) == bare
-        assert bare or one.settings == other.settings
-    assert sum(road.settings.lane_width_m > 5.0 for road in wide) > 2
+        assert (other.name == BOTH_WAYS) == (one.name in UNMARKED)
+        assert other.name == BOTH_WAYS or one.settings == other.settings
+    assert sum(road.name == BOTH_WAYS for road in wide) > 2
+
+
+def test_the_lane_is_the_right_half_of_a_road_for_both_ways():
+    for road in (road for road in roads(both_ways=1.0) if road.name == BOTH_WAYS):
+        (section,) = road.sections
+        assert 2.7 <= section.paved_left_m == road.width_at(0.0) <= 3.7
+        assert section.paved_right_m == 0.0 and section.left.stroke == section.right.stroke == Stroke.NONE
+
+
+def test_on_a_road_for_both_ways_the_car_is_nowhere_beyond_the_middle_and_often_just_before_it():
+    road = next(road for road in roads(both_ways=1.0) if road.name == BOTH_WAYS)
+    middle_m, rng = road.width_at(0.0) / 2, np.random.default_rng(1)
+    offsets_m = np.array([_random_offset(road, rng) for _ in range(2000)])
+    assert -1.2 <= offsets_m.min() < -1.0 and middle_m - 0.1 < offsets_m.max() <= middle_m
+    assert 0.25 <= np.mean(offsets_m > middle_m - 0.5) <= 0.4 and np.mean(np.abs(offsets_m) < 0.5) > 0.3
+
+
+def test_snow_covers_a_share_of_the_roads_with_a_bank_along_each_of_their_edges():
+    usual, snowed = roads(), roads(snow=0.5)
+    changed = [other for one, other in zip(usual, snowed, strict=True) if one.settings != other.settings]
+    assert 10 <= len(changed) <= 30
+    sections = [section for road in changed for section in road.sections]
+    assert all(one.verge == Verge.SNOW and 0.3 <= one.snow_cover <= 0.9 for one in sections)
+    assert all(0 <= bank_m <= 0.6 for one in sections for bank_m in (one.snow_left_m, one.snow_right_m))
 
 
 def test_a_mirrored_frame_shows_the_mirror_image_of_the_road():
