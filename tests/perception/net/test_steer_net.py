@@ -16,6 +16,8 @@ from perception.net.session import load_record
 from perception.net.steer_net import Network, SteerNet, SteerNetRecord, SteerNetSettings, World, ahead_sigma_m
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
+from sim_harness.world.roads.drawn import UNMARKED, MarkingKind, random_section
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.config import ROOT, InputError
 from trepid.messages import SIGMA_AHEAD_M
 
@@ -145,6 +147,28 @@ def test_the_width_of_a_lane_is_measured_in_the_world_of_the_camera(net: SteerNe
 )
 def test_the_confidence_depends_on_a_width_that_lanes_have(width_m: float, share: float):
     assert SETTINGS.width_share(width_m) == pytest.approx(share)
+
+
+@pytest.mark.parametrize("kind", sorted(UNMARKED))
+@pytest.mark.parametrize("half_m", [2.8, 3.1, 3.4])
+def test_in_its_half_of_a_road_for_both_ways_without_a_line_the_network_is_right_and_sure(
+    net: SteerNet, half_m: float, kind: MarkingKind
+):
+    section = random_section(kind, np.random.default_rng(5)).model_copy(update={"paved_left_m": half_m})
+    settings = RoadSettings(
+        name="halves",
+        closed=False,
+        lane_width_m=half_m,
+        segments=(Segment(length_m=120.0, curvature_1pm=0.0),),
+        sections=(section,),
+    )
+    road = Road(settings)
+    for offset_m in (-0.2, 0.0, 0.2):
+        place = road.position(20.0, offset_m)
+        seen = step(net, Renderer(road, CAMERA, seed=3).render(*place, 0.0, t_s=0.0, station_m=20.0))
+        assert seen.confidence > 0.5
+        assert seen.lateral_offset_m == pytest.approx(offset_m, abs=half_m / 4)
+        assert seen.lane_width_m == pytest.approx(half_m, rel=0.25)
 
 
 def test_a_lane_that_is_too_narrow_for_the_car_is_none_unless_the_camera_is_assumed():
