@@ -268,16 +268,14 @@ def highway(rng: np.random.Generator) -> Road:
 
 def add_other_half(road: Road, half_m: float) -> Road:
     """``road``, which has no lines, as the right half of a carriageway for both ways, each ``half_m`` wide."""
-    sections = tuple(one.model_copy(update=dict(paved_left_m=half_m)) for one in road.sections)
-    return Road(road.settings.model_copy(update=dict(name=BOTH_WAYS, lane_width_m=half_m, sections=sections)))
+    return _change(road, {"paved_left_m": half_m}, name=BOTH_WAYS, lane_width_m=half_m)
 
 
 def snow_up(road: Road, rng: np.random.Generator) -> Road:
     """``road`` under trodden snow, with a bank of snow along each of its edges."""
     snow = snow_on(float(rng.uniform(*SNOW_COVER)))
     snow |= {side: float(rng.uniform(*SNOW_BANK_M)) for side in ("snow_left_m", "snow_right_m")}
-    sections = tuple(one.model_copy(update=snow) for one in road.sections)
-    return Road(road.settings.model_copy(update=dict(sections=sections)))
+    return _change(road, snow)
 
 
 def add_seams(road: Road, rng: np.random.Generator) -> Road:
@@ -291,8 +289,13 @@ def add_seams(road: Road, rng: np.random.Generator) -> Road:
         )
         for _ in range(int(rng.integers(1, 4)))
     ]
-    sections = tuple(one.model_copy(update=dict(seams_m=tuple(seams_m))) for one in road.sections)
-    return Road(road.settings.model_copy(update=dict(sections=sections)))
+    return _change(road, {"seams_m": tuple(seams_m)})
+
+
+def _change(road: Road, of_sections: dict[str, object], **of_road: object) -> Road:
+    """``road`` with other values of these fields of all its sections, and of its settings."""
+    sections = tuple(one.model_copy(update=of_sections) for one in road.sections)
+    return Road(road.settings.model_copy(update={**of_road, "sections": sections}))
 
 
 def random_disturbances(
