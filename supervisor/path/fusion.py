@@ -88,6 +88,7 @@ class WeightedLane(NamedTuple):
     measured: bool = True  # False: the arc of a steering angle, known at the look-ahead only
     ahead_sigma_m: float = 0.0  # standard deviation of ``ahead_m``; 0: not stated
     here_sigma_m: float = 0.0  # likewise of the position at the axle
+    seen: bool = True  # in this frame; False: what the estimator remembers
 
 
 class Memory(NamedTuple):
@@ -199,6 +200,7 @@ class Fusion:
             measured=sighting.kind is EstimateKind.LANE,
             ahead_sigma_m=sighting.sigma_m(lookahead_m),
             here_sigma_m=sighting.sigma_m(0.0),
+            seen=not sighting.from_memory,
         )
 
     def _coast(self, motion: Motion, t_s: float) -> Path | None:
@@ -223,15 +225,18 @@ class Fusion:
     ) -> list[WeightedLane]:
         """The views of one road: that of the memory, or without a memory that of the view with the greatest weight.
 
+        Views that see a road decide it: one from the memory of an estimator has moved the memory here itself, and
+        agrees with it where the road has bent away.
         If no view agrees with the memory: the views that agree with each other, at once; a single view only with a
         confidence of at least ``begin_confidence`` and a memory without an estimate for ``outlier_s``.
         """
         if not views:
             return []
+        leading = [view for view in views if view.seen] or views
         if memory is None:
-            first, new = max(views, key=lambda view: view.weight), True
+            first, new = max(leading, key=lambda view: view.weight), True
         else:
-            first = min(views, key=lambda v: _apart_m(v, memory))
+            first = min(leading, key=lambda v: _apart_m(v, memory))
             new = self._contradict(first, memory)
         group = self._with(first, views)
         if new and len(group) < 2 and not self._begins(first, t_s):

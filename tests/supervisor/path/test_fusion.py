@@ -20,7 +20,12 @@ RIGHT = Lane(0.0, 0.0, -0.06, 0.0)  # ... and a lane that bends right
 
 
 def estimate_of(
-    lane: Lane | None, name: str = "cv", *, t_s: float = 0.0, confidence: float = 0.9
+    lane: Lane | None,
+    name: str = "cv",
+    *,
+    t_s: float = 0.0,
+    confidence: float = 0.9,
+    from_memory: bool = False,
 ) -> ValidatedEstimate:
     return ValidatedEstimate(
         estimator=name,
@@ -32,6 +37,7 @@ def estimate_of(
         lookahead_m=10.0,
         width_error_m=0.0,
         measures_width=True,
+        from_memory=from_memory,
     )
 
 
@@ -190,6 +196,37 @@ def test_of_two_contradicting_roads_the_path_keeps_the_driven_one(remembered: La
     assert fused.sources == (taken,)
     assert lane_of(fused).curvature_1pm == pytest.approx(remembered.curvature_1pm)
     assert lane_of(fused).offset_m == pytest.approx(0.0, abs=0.01)
+
+
+def roads_of(fusion: Fusion, frames: int, *, from_memory: bool) -> list[FusionResult]:
+    """The results while ``cv`` says straight on and ``cnn`` sees a bend, after both have said straight on."""
+    fuse(estimate_of(STRAIGHT), estimate_of(STRAIGHT, "cnn"), fusion=fusion)
+    times_s = [0.04 * frame for frame in range(1, frames + 1)]
+    return [
+        fuse(
+            estimate_of(STRAIGHT, t_s=t_s, from_memory=from_memory),
+            estimate_of(RIGHT, "cnn", t_s=t_s),
+            fusion=fusion,
+            now_s=t_s,
+        )
+        for t_s in times_s
+    ]
+
+
+def test_a_road_that_one_estimator_remembers_does_not_keep_out_the_one_that_another_sees() -> None:
+    assert roads_of(Fusion(SETTINGS), 10, from_memory=False)[-1].sources == ("cv",)
+    *first, last = roads_of(Fusion(SETTINGS), 10, from_memory=True)
+    assert first[0].sources == () and first[0].weighted_disagreement_mps2 > 1.0  # which raises fear
+    assert last.sources == ("cnn",) and lane_of(last).curvature_1pm == pytest.approx(
+        RIGHT.curvature_1pm, abs=0.01
+    )
+
+
+def test_what_an_estimator_remembers_is_driven_where_nobody_sees_a_road() -> None:
+    fusion = Fusion(SETTINGS)
+    fuse(estimate_of(STRAIGHT), fusion=fusion)
+    fused = fuse(estimate_of(STRAIGHT, t_s=0.04, from_memory=True), fusion=fusion, now_s=0.04)
+    assert fused.sources == ("cv",)
 
 
 def test_disagreement_is_in_lateral_acceleration_and_counts_less_against_a_confident_estimate() -> None:
