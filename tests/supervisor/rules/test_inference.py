@@ -244,6 +244,26 @@ def test_the_shipped_rules_name_the_cause(values: dict[str, float | None], cause
     assert (result.cause, RULES.mode(result.fear)) == (cause, mode)
 
 
+@pytest.mark.parametrize(
+    "image",
+    [
+        {"over_exposed": 0.43},
+        {"under_exposed": 0.75},
+        {"brightness": 0.06},
+        {"sharpness": 1.0},
+        {"contrast": 0.02},
+    ],
+)
+def test_in_a_poor_image_a_lane_that_only_a_distrusted_network_sees_raises_fear(
+    image: dict[str, float],
+) -> None:
+    seen, remembered = (
+        RULES.evaluate({**CALM, **image, "seen_confidence": confidence}).fear for confidence in (0.9, 0.5)
+    )
+    assert seen <= 0.5 and remembered > 0.7
+    assert RULES.evaluate({**CALM, "seen_confidence": 0.5}).fear == 0.0  # between two dashes of a line
+
+
 @settings(max_examples=20, deadline=None)
 @given(POINTS, POINTS)
 def test_evaluating_changes_nothing(point: dict[str, float], other: dict[str, float]) -> None:
