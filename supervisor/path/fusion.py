@@ -46,9 +46,8 @@ class FusionSettings(Settings):
     rejoin_share: PositiveShare  # of these gates, within which a rejected view is fused again
     memory_s: PositiveShare  # how long the path is remembered without estimates
     forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
-    outlier_s: Annotated[
-        float, Field(ge=0)
-    ]  # a single view that contradicts the memory is used after this time
+    # A single view that contradicts the memory is used after this time ...
+    outlier_s: Annotated[float, Field(ge=0)]
     begin_confidence: PositiveShare  # ... with at least this confidence; likewise without a memory
     lasting_s: PositiveShare  # the least separation over this time counts
 
@@ -174,9 +173,8 @@ class Fusion:
         Frames with a single view do not reduce it. The disagreement about the command has no such delay.
         """
         past = self._apart
-        while (
-            past and past[-1].t_s >= now.t_s
-        ):  # only the last decision of a frame counts; also after a step back in time
+        # Only the last decision of a frame counts; also after a step back in time.
+        while past and past[-1].t_s >= now.t_s:
             past.pop()
         while past and past[0].t_s < now.t_s - self._settings.lasting_s:
             past.popleft()
