@@ -11,7 +11,7 @@ Every input is checked for age, finiteness and plausibility. A missing or bad in
 | a doubted wheel angle or yaw rate | as decided | along the path, by the commands and the model of the car |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
 | no path, but one younger than ``stop_memory_s`` | comfort stop, or the demanded emergency stop | likewise |
-| no path, and STOP since the start or since a driver | the same | holds the curvature of the driver's wheels |
+| no path, and STOP since the start or since a driver | the same | along the arc of the driver's wheels |
 | no path at all | comfort stop, or the demanded emergency stop | holds the last curvature, or the wheel angle |
 | a report that a process is lost whose loss means a stop | comfort stop | – |
 | mode STOP | the stop of the decision | along the path |
@@ -21,7 +21,8 @@ The emergency stop for lost inputs latches until standstill, or until a driver t
 A path older than ``path_memory_s`` is forgotten under a driver, whose wheels are a better guess of the road.
 Without a path the last curvature is held: while a car stops, its bend lasts longer than a gap in the estimates, and
 straightening the wheel would leave the lane. A path that is withdrawn before the car has been driven by it is
-forgotten: the supervisor refused to drive, and the driver's curvature is a better guess of the road.
+forgotten: the supervisor refused to drive, and the arc on which the driver left the car is a better guess of the
+road. It is followed from the place at which he left it, because the path may have turned the car since.
 """
 
 import math
@@ -55,6 +56,7 @@ _NUMBERS = attrgetter(  # of a decision; the inputs of the rules may be unknown
     *("curvature_rate_1pm2", "lookahead_m", "disagreement_mps2", "speed_factor", "speed_cap_mps"),
     *("sight_m", "sight_cap_mps", "road_user_m", "lane_unseen_s", "lead_m", "line_crossing_s"),
 )
+_ARC_M = 200.0  # known length of the arc on which a driver left the car: more than a stop needs
 _EASED_SHARE = 0.5  # of the lateral acceleration in bends, left while the limiter cuts the steering
 
 
@@ -134,7 +136,7 @@ class Controller:
         self._judged: Decision | None = None  # the newest decision ...
         self._sound = False  # ... and whether all its numbers are finite
         self._engaged = False  # a mode other than STOP since the start or since a driver steered
-        self._driven_1pm: float | None = None  # the curvature of the last wheel angle of a driver
+        self._driven: tuple[Lane, float] | None = None  # the arc on which a driver left the car
         self._reckoned = ReckonedSpeed(vehicle.accel_lag_s)
         self._path_t_s: float | None = None  # time at which the newest path was valid
         self._path: tuple[Lane, float] | None = None  # that path at the newest state, and its time
@@ -231,7 +233,7 @@ class Controller:
             self._path_t_s, self._path = path_t_s, (lane, path_t_s)
         self._engaged = self._engaged or decision.mode is not Mode.STOP
         if lane is None and not self._engaged:
-            self._path, self._curvature_1pm = None, self._driven_1pm
+            self._path_t_s, self._path = decision.decided_s, self._driven
 
     def _usable_state(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
         """The state; None unless it is fresh and plausible. Any quantity may be None, a speed only if doubted."""
@@ -260,17 +262,17 @@ class Controller:
         measured_rad = state.road_wheel_angle_rad
         wheels_rad = (self._angle_rad or 0.0) if measured_rad is None else measured_rad
         held_1pm = curvature_from_angle(wheels_rad, speed_mps=model_mps, vehicle=self._vehicle)
-        if state.driver_override:
-            self._driven_1pm = held_1pm
+        if state.driver_override or self._driven is None:
+            self._driven = Lane(0.0, 0.0, held_1pm or 0.0, 0.0, _ARC_M), state.t_s
+        self._driven = self._predictor.at_last_state(self._driven[0], valid_s=self._driven[1])
         if acting is None:
             self._law.release()
         if acting is not None:
             self._curvature_1pm = self._law.curvature(acting, dt_s=dt_s)
         elif self._curvature_1pm is None:  # no path so far, or a driver steered: hold the wheels
             self._curvature_1pm = held_1pm
-        angle_rad = angle_from_curvature(
-            self._curvature_1pm or 0.0, speed_mps=model_mps, vehicle=self._vehicle
-        )
+        demand_1pm = self._curvature_1pm or 0.0
+        angle_rad = angle_from_curvature(demand_1pm, speed_mps=model_mps, vehicle=self._vehicle)
         self._angle_rad = within(angle_rad, self._vehicle.max_road_wheel_angle_rad)
         return self._angle_rad
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from message_rig import SHUTTLE, command, decision, state, vehicle
 
 from controller.controller import Controller, build
-from controller.model.bicycle import angle_from_curvature
+from controller.model.bicycle import angle_from_curvature, curvature_from_angle
 from trepid.config import CONFIG_DIR, InputError
 from trepid.messages import Command, Decision, Losses, Mode, Stop, VehicleState
 from trepid.processes.lateness import RECOVERED
@@ -459,8 +459,27 @@ def test_a_path_withdrawn_before_the_first_drive_gives_way_to_the_curvature_of_t
         commands.append(one.step(decision(now_s, **stop, **path), held, now_s=now_s))
     followed, withdrawn = commands[60:75], commands[76:]
     assert min(side * (c.road_wheel_angle_rad - driven_rad) for c in followed) > 0.01
-    assert [c.road_wheel_angle_rad for c in withdrawn] == pytest.approx([driven_rad] * 44, abs=2e-3)
+    assert [c.road_wheel_angle_rad for c in withdrawn[20:]] == pytest.approx([driven_rad] * 24, abs=2e-3)
     assert max(c.accel_mps2 for c in withdrawn) <= 0.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_path_withdrawn_before_the_first_drive_gives_way_to_the_line_of_the_driver(side):
+    """The path of a supervisor in its first STOP is 0.4 m aside for half a second, and the car turns to it."""
+    one, stop, speed_mps = controller(), dict(mode=Mode.STOP, stop=Stop.COMFORT), 6.0
+    aside_m, heading_rad, wheel_rad, way = 0.0, 0.0, 0.0, []
+    for n in range(300):
+        now_s = 0.02 * n
+        path = dict(lateral_offset_m=-0.4 * side) if 50 <= n < 75 else LOST
+        rate_radps = speed_mps * curvature_from_angle(wheel_rad, speed_mps=speed_mps, vehicle=SHUTTLE)
+        seen = state(now_s, speed_mps=speed_mps, road_wheel_angle_rad=wheel_rad, yaw_rate_radps=rate_radps)
+        last = one.step(decision(now_s, **stop, **path), replace(seen, driver_override=n < 50), now_s=now_s)
+        wheel_rad = last.road_wheel_angle_rad
+        heading_rad += 0.02 * rate_radps
+        aside_m += 0.02 * speed_mps * math.sin(heading_rad)
+        way.append(side * aside_m)
+    assert max(way) > 0.1
+    assert way[-1] == pytest.approx(0.0, abs=0.05)
 
 
 @pytest.mark.parametrize("sender", ["decision", "state"])
