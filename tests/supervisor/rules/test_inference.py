@@ -236,6 +236,8 @@ def test_more_fear_is_never_faster(one: float, other: float) -> None:
         ({"brightness": None, "sharpness": None}, "image_statistics_lost", Mode.STOP),
         ({"cv_confidence": None, "frame_age": 0.4}, "stale_data", Mode.STOP),
         ({"lateral_demand": 5.0}, "demand", Mode.CAUTION),
+        ({"cv_confidence": 0.8, "second_confidence": 0.35}, "none", Mode.KEEP),
+        ({"cv_confidence": 0.8, "second_confidence": 0.35, "cnn_path_jitter": 0.25}, "odd_road", Mode.STOP),  # snow
         ({"lead_confidence": 0.0}, "none", Mode.KEEP),
     ],
 )  # fmt: skip
