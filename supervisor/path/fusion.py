@@ -223,20 +223,21 @@ class Fusion:
     ) -> list[WeightedLane]:
         """The views of one road: that of the memory, or without a memory that of the view with the greatest weight.
 
-        Views that see a road decide it: one from the memory of an estimator has moved the memory here itself, and
-        agrees with it where the road has bent away.
+        Views that see a road decide it, and what an estimator remembers only while it is more confident: it has
+        moved the memory here itself, and agrees with it also where the road has bent away.
         If no view agrees with the memory: the views that agree with each other, at once; a single view only with a
         confidence of at least ``begin_confidence`` and a memory without an estimate for ``outlier_s``.
         """
         if not views:
             return []
-        leading = [view for view in views if view.seen] or views
+        sure = max([view.confidence for view in views if view.seen], default=0.0)
+        leading = [view for view in views if view.seen or view.confidence > sure]
         if memory is None:
             first, new = max(leading, key=lambda view: view.weight), True
         else:
             first = min(leading, key=lambda v: _apart_m(v, memory))
             new = self._contradict(first, memory)
-        group = self._with(first, views)
+        group = [view for view in views if view is first or not self._contradict(view, first)]
         if new and len(group) < 2 and not self._begins(first, t_s):
             return []
         return group
@@ -245,9 +246,6 @@ class Fusion:
         """Whether ``view`` alone may replace the remembered road."""
         sure = view.confidence >= self._settings.begin_confidence
         return sure and t_s - self._before.seen_s > self._settings.outlier_s
-
-    def _with(self, first: WeightedLane, views: list[WeightedLane]) -> list[WeightedLane]:
-        return [view for view in views if view is first or not self._contradict(view, first)]
 
     def _contradict(self, a: WeightedLane, b: WeightedLane) -> bool:
         """Whether two lanes lie too far apart at the axle or at the look-ahead.

@@ -198,14 +198,16 @@ def test_of_two_contradicting_roads_the_path_keeps_the_driven_one(remembered: La
     assert lane_of(fused).offset_m == pytest.approx(0.0, abs=0.01)
 
 
-def roads_of(fusion: Fusion, frames: int, *, from_memory: bool) -> list[FusionResult]:
+def roads_of(
+    fusion: Fusion, frames: int, *, from_memory: bool, seen_confidence: float = 0.9
+) -> list[FusionResult]:
     """The results while ``cv`` says straight on and ``cnn`` sees a bend, after both have said straight on."""
     fuse(estimate_of(STRAIGHT), estimate_of(STRAIGHT, "cnn"), fusion=fusion)
     times_s = [0.04 * frame for frame in range(1, frames + 1)]
     return [
         fuse(
             estimate_of(STRAIGHT, t_s=t_s, from_memory=from_memory),
-            estimate_of(RIGHT, "cnn", t_s=t_s),
+            estimate_of(RIGHT, "cnn", t_s=t_s, confidence=seen_confidence),
             fusion=fusion,
             now_s=t_s,
         )
@@ -220,6 +222,10 @@ def test_a_road_that_one_estimator_remembers_does_not_keep_out_the_one_that_anot
     assert last.sources == ("cnn",) and lane_of(last).curvature_1pm == pytest.approx(
         RIGHT.curvature_1pm, abs=0.01
     )
+
+
+def test_a_road_that_is_remembered_surely_is_kept_against_one_that_is_seen_unsurely() -> None:
+    assert roads_of(Fusion(SETTINGS), 10, from_memory=True, seen_confidence=0.3)[-1].sources == ("cv",)
 
 
 def test_what_an_estimator_remembers_is_driven_where_nobody_sees_a_road() -> None:
