@@ -10,9 +10,8 @@ from pydantic import Field
 from trepid.causes import Cause
 from trepid.config import Settings
 from trepid.messages import Mode, Stop
-from trepid.types import Positive
+from trepid.types import NonNegative, Positive, PositiveShare
 
-Seconds = Annotated[float, Field(ge=0)]
 STARTING = Cause.STARTING
 """Cause of the stop in which every supervisor starts, also after a restart while the car moves."""
 
@@ -25,16 +24,16 @@ class ModeSettings(Settings):
     comfort_stop_age_s: Positive  # no frame for this long: comfort stop
     emergency_stop_age_s: Positive  # ... emergency stop
     blind_s: Positive  # moving without any path for this long: emergency stop
-    near_s: Seconds  # a vehicle ahead too near for the present comfort stop, for this long: emergency stop
-    brake_hard_s: Seconds  # speed tracking cannot stop in time, for this long: the brake of an emergency
+    near_s: (
+        NonNegative  # a vehicle ahead too near for the present comfort stop, for this long: emergency stop
+    )
+    brake_hard_s: NonNegative  # speed tracking cannot stop in time, for this long: the brake of an emergency
     guess_s: Positive  # fear requires a stop, and no confidence is above guess_confidence: likewise
-    guess_confidence: Annotated[
-        float, Field(gt=0, le=1)
-    ]  # also the least confidence to steer before the first drive
-    reengage_after_s: Seconds | None  # at standstill, healthy for this long: drive again; null: never
+    guess_confidence: PositiveShare  # also the least confidence to steer before the first drive
+    reengage_after_s: NonNegative | None  # at standstill, healthy for this long: drive again; null: never
     reengage_max_fear: Annotated[float, Field(ge=0, lt=1)]
-    road_back_s: Seconds  # FOLLOW ends when the road has been seen this long ...
-    road_back_confidence: Annotated[float, Field(gt=0, le=1)]  # ... with this confidence
+    road_back_s: NonNegative  # FOLLOW ends when the road has been seen this long ...
+    road_back_confidence: PositiveShare  # ... with this confidence
     final_causes: tuple[str, ...]  # a stop for one of these is final
     stop_after_s: dict[
         str, Positive

@@ -16,16 +16,14 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from statistics import NormalDist
-from typing import Annotated, NamedTuple
-
-from pydantic import Field
+from typing import NamedTuple
 
 from supervisor.inputs.validation import ValidatedEstimate
 from trepid.bounds import at_least, at_most
 from trepid.clothoid import STANDING, Lane, Motion, mean_lane, pursuit_curvature
 from trepid.config import Settings
 from trepid.messages import EstimateKind
-from trepid.types import Positive, PositiveShare
+from trepid.types import NonNegative, Positive, PositiveShare
 
 _NORMAL = NormalDist()
 MIN_CONFIDENCE, MAX_CONFIDENCE = 0.05, 0.98  # the resolution of a calibration by thousands of frames
@@ -46,8 +44,7 @@ class FusionSettings(Settings):
     rejoin_share: PositiveShare  # of these gates, within which a rejected view is fused again
     memory_s: PositiveShare  # how long the path is remembered without estimates
     forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
-    # A single view that contradicts the memory is used after this time ...
-    outlier_s: Annotated[float, Field(ge=0)]
+    outlier_s: NonNegative  # a single view that contradicts the memory is used after this time ...
     begin_confidence: PositiveShare  # ... with at least this confidence; likewise without a memory
     lasting_s: PositiveShare  # the least separation over this time counts
 
@@ -230,8 +227,8 @@ class Fusion:
         """
         if not views:
             return []
-        sure = max([view.confidence for view in views if view.seen], default=0.0)
-        leading = [view for view in views if view.seen or view.confidence > sure]
+        surest = max([view.confidence for view in views if view.seen], default=0.0)
+        leading = [view for view in views if view.seen or view.confidence > surest]
         if memory is None:
             first, new = max(leading, key=lambda view: view.weight), True
         else:

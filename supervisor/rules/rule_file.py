@@ -21,13 +21,12 @@ from supervisor.rules.shapes import CompiledSet, FuzzySet, compile_set, polyline
 from trepid.causes import Cause, known_causes, unknown_cause
 from trepid.config import CONFIG_DIR, Settings, json_schema, wrong_at
 from trepid.messages import Mode
-from trepid.types import Share
+from trepid.types import NonNegative, Positive, Share
 
 LEVELS = ("very_low", "low", "medium", "high", "very_high")
 """The five intensities, of every input and of fear itself."""
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-Seconds = Annotated[float, Field(ge=0)]
 FEAR = "fear"
 PATH_JITTER, FORMER_PATH_JITTER = "_path_jitter", "_unrest"
 """Ending of an input name, and its former spelling, which still works with a warning."""
@@ -282,13 +281,13 @@ class Hysteresis(Settings):
 
     band: Annotated[float, Field(ge=0, lt=0.2)]
     """Fear must fall this far below a level's border to leave it ..."""
-    calm_after_s: Seconds
+    calm_after_s: NonNegative
     """... and stay there this long."""
-    stop_after_s: Seconds
+    stop_after_s: NonNegative
     """Time for which a level with the mode STOP must last: one bad frame only slows the vehicle down."""
-    recovery_per_s: Annotated[float, Field(gt=0)]
+    recovery_per_s: Positive
     """Greatest rise of the speed factor [1/s] ..."""
-    catch_up_per_s: Annotated[float, Field(gt=0)]
+    catch_up_per_s: Positive
     """... and while it is below the present speed of the vehicle."""
 
 
