@@ -52,9 +52,7 @@ class Offers:
     functions: Mapping[str, str] = field(default_factory=dict)  # name in ``trepid`` -> module that defines it
     publishes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # program -> keys of its topics
     simulates: bool = False  # its programs are part of a simulator and need a scenario
-    elsewhere: Mapping[str, str] = field(
-        default_factory=dict
-    )  # verb of an add-on -> what installs the add-on
+    elsewhere: Mapping[str, str] = field(default_factory=dict)  # verb of an add-on -> what installs it
     courses: str = ""  # module that makes the course of a scenario
     simulated_car: str = ""  # program of the simulated car
 

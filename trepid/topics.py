@@ -19,9 +19,8 @@ class Topic(Generic[M]):
 
 
 CAMERA_IMAGE = Topic("camera/image", messages.Frame, 25, urgent=False)  # camera -> perception
-CAMERA_COMPRESSED = Topic(
-    "camera/image/compressed", messages.CompressedFrame, 25, urgent=False
-)  # -> recorder, page
+# camera -> recorder, page
+CAMERA_COMPRESSED = Topic("camera/image/compressed", messages.CompressedFrame, 25, urgent=False)
 IMAGE_STATISTICS = Topic("perception/image_statistics", messages.ImageStatistics, 25)  # -> supervisor
 LEAD_VEHICLE = Topic("perception/lead", messages.LeadVehicle, 25)  # -> supervisor
 ROAD_USERS = Topic("perception/road_users", messages.RoadUsers, 25)  # -> supervisor

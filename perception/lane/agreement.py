@@ -10,10 +10,7 @@ from trepid.messages import SteeringEstimate
 from trepid.types import Array, Image
 
 ROWS = 32  # of the lower half of the image
-OTHER_LANE, SAME_LANE = (
-    0.4,
-    0.85,
-)  # intersection over union of half a lane beside; of a lane with ragged edges
+OTHER_LANE, SAME_LANE = 0.4, 0.85  # overlap (IoU) of half a lane beside; of a lane with ragged edges
 NOISE_GREY, SHIFT_PX = 2, 1.0
 
 

@@ -35,9 +35,8 @@ class ModeSettings(Settings):
     road_back_s: NonNegative  # FOLLOW ends when the road has been seen this long ...
     road_back_confidence: PositiveShare  # ... with this confidence
     final_causes: tuple[str, ...]  # a stop for one of these is final
-    stop_after_s: dict[
-        str, Positive
-    ]  # cause -> greatest time with a fear of medium or more before a comfort stop
+    # cause -> greatest time with a fear of medium or more before a comfort stop
+    stop_after_s: dict[str, Positive]
     emergency_after_s: dict[str, Positive]  # ... of a moving car before an emergency stop
 
     @property
@@ -55,9 +54,7 @@ class Effect(Enum):
     STOP_ON_ROAD = auto()  # a comfort stop in KEEP and CAUTION
     EMERGENCY = auto()  # a final emergency stop
     HOLD_BACK = auto()  # the comfort brake without a change of the mode, for as long as the doubt lasts
-    BRAKE_HARD = (
-        auto()
-    )  # the brake of an emergency without a change of the mode, for as long as the doubt lasts
+    BRAKE_HARD = auto()  # ... the brake of an emergency, likewise
     BRAKE_HARDER = auto()  # a comfort stop becomes an emergency stop
     CALM = auto()  # CAUTION ends
     ROAD_BACK = auto()  # FOLLOW ends

@@ -101,9 +101,7 @@ class Following(NamedTuple):
     """Whether the leader can be followed, and its trail."""
 
     usable: bool  # the leader can be followed
-    path: (
-        Path | None
-    )  # along its trail, also for stopping only; None also long after the road is measured again
+    path: Path | None  # along its trail, also to stop only; None long after the road is measured again
 
 
 NO_LEADER = Following(usable=False, path=None)
