@@ -24,9 +24,7 @@ class ModeSettings(Settings):
     comfort_stop_age_s: Positive  # no frame for this long: comfort stop
     emergency_stop_age_s: Positive  # ... emergency stop
     blind_s: Positive  # moving without any path for this long: emergency stop
-    near_s: (
-        NonNegative  # a vehicle ahead too near for the present comfort stop, for this long: emergency stop
-    )
+    near_s: NonNegative  # a vehicle ahead is too near for the comfort stop, for this long: emergency stop
     brake_hard_s: NonNegative  # speed tracking cannot stop in time, for this long: the brake of an emergency
     guess_s: Positive  # fear requires a stop, and no confidence is above guess_confidence: likewise
     guess_confidence: PositiveShare  # also the least confidence to steer before the first drive

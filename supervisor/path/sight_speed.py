@@ -99,9 +99,8 @@ class StoppingWay(NamedTuple):
             return 0.0
         if free_m == math.inf:
             return math.inf
-        root_s = math.hypot(
-            self.reaction_s, math.sqrt(2.0 / self.decel_mps2) * math.sqrt(free_m)
-        )  # no overflow
+        # two roots and a hypotenuse: no overflow
+        root_s = math.hypot(self.reaction_s, math.sqrt(2.0 / self.decel_mps2) * math.sqrt(free_m))
         return 2.0 * (free_m / (self.reaction_s + root_s))
 
 

@@ -461,9 +461,7 @@ def test_a_path_withdrawn_before_the_first_drive_gives_way_to_the_curvature_of_t
     followed, withdrawn = commands[60:75], commands[76:]
     assert min(side * (c.road_wheel_angle_rad - driven_rad) for c in followed) > 0.01
     aside_rad = [abs(c.road_wheel_angle_rad - driven_rad) for c in (followed[-1], *withdrawn)]
-    assert (
-        max(later - earlier for earlier, later in pairwise(aside_rad)) < 1e-3
-    )  # back without a jump outwards
+    assert max(later - earlier for earlier, later in pairwise(aside_rad)) < 1e-3  # no jump outwards
     assert [c.road_wheel_angle_rad for c in withdrawn[20:]] == pytest.approx([driven_rad] * 24, abs=2e-3)
     assert max(c.accel_mps2 for c in withdrawn) <= 0.0
 
