@@ -271,7 +271,7 @@ def test_in_a_poor_image_a_lane_that_only_a_distrusted_network_sees_raises_fear(
     [({"edge_doubt": 0.15}, "weak_edges"), ({"speed": 8.0}, "unmarked"), ({}, "unmarked")],
 )
 def test_edges_between_two_dashes_make_no_road_without_lines(edges: dict[str, float], cause: str) -> None:
-    gap, bare = ({**CALM, "unmarked": 1.0, "unmarked_way": way_m, **edges} for way_m in (8.0, 20.0))
+    gap, bare = ({**CALM, "unmarked": 1.0, "unmarked_way": way_m, **edges} for way_m in (12.0, 20.0))
     assert RULES.evaluate(gap).fear == 0.0
     assert RULES.evaluate(bare).cause == cause and RULES.evaluate(bare).fear > 0.2
 
