@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -79,6 +79,15 @@ class LaneSample:
     lane: Lane  # its curvature rate is the mean over the lane ahead
     lane_width_m: float
     visible: bool  # False: the light hides the lane; an estimate would be wrong
+    carriageway: "Carriageway"
+
+
+class Carriageway(NamedTuple):
+    """What is paved about a lane, from edge to edge."""
+
+    middle_m: float  # to the left of the middle of the lane
+    width_m: float
+    bare: bool | None  # without lines, also under snow; None: it has several lanes, but no lines
 
 
 def road_samples(
@@ -127,6 +136,8 @@ def _random_place(
             road = highway(town)
         else:
             road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
+            if scenery.bare and town.random() < scenery.bare:
+                road = drawn_road(town, kinds=UNMARKED)
             if scenery.both_ways and road.name in UNMARKED and town.random() < scenery.both_ways:
                 road = add_other_half(road, float(town.uniform(*HALF_WIDTH_M)))
             if scenery.snow and town.random() < scenery.snow:
@@ -166,11 +177,27 @@ def _sample(
         light=light,
     )
     lane = lane_at(road, station_m, offset_m, heading_error, ahead_m=ahead_m)
+    paved = carriageway_at(road, station_m)
     return LaneSample(
         image=np.ascontiguousarray(image[:, ::-1]) if mirror else image,
         lane=Lane(*(-value for value in lane[:4])) if mirror else lane,
         lane_width_m=road.width_at(station_m),
         visible=visible,
+        carriageway=paved._replace(middle_m=-paved.middle_m) if mirror else paved,
+    )
+
+
+def carriageway_at(road: Road, station_m: float) -> Carriageway:
+    """The carriageway of ``road`` about its lane."""
+    section = road.section_at(station_m)
+    lined = any(
+        line.stroke != Stroke.NONE for line in (section.left, section.right, section.middle, section.far_left)
+    )
+    divided = bool(section.left_lanes or section.right_lanes)
+    return Carriageway(
+        (section.paved_left_m - section.paved_right_m) / 2,
+        road.width_at(station_m) + section.paved_left_m + section.paved_right_m,
+        None if divided and not lined else not lined,
     )
 
 
@@ -202,9 +229,9 @@ def random_road(rng: np.random.Generator) -> Road:
     )
 
 
-def drawn_road(rng: np.random.Generator) -> Road:
-    """An open road of random curves and of one of the kinds of `sim_harness.world.roads.drawn`; some snowed up."""
-    kind = tuple(MarkingKind)[int(rng.integers(len(MarkingKind)))]
+def drawn_road(rng: np.random.Generator, *, kinds: Sequence[MarkingKind] = tuple(MarkingKind)) -> Road:
+    """An open road of random curves and of one of ``kinds``; some snowed up."""
+    kind = kinds[int(rng.integers(len(kinds)))]
     section = random_section(kind, rng)
     if rng.random() < SNOWED_UP_SHARE:
         section = section.model_copy(update=snow_on(float(rng.uniform(*SNOW_COVER))))

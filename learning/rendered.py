@@ -93,6 +93,15 @@ def _road(render: Callable[[int], Part], folder: Path, seed: int) -> Path:
     return path
 
 
+def run_alone(command: Callable[..., None]) -> None:
+    """Run ``command`` as a program of its own: bad input is one line and exit code 2."""
+    try:
+        typer.run(command)
+    except InputError as error:
+        typer.echo(error, err=True)
+        raise SystemExit(2) from error
+
+
 def origin(network: Path, command: str) -> dict[str, Any]:
     """The fields of a record that every network has: its hash, and how and when it was made."""
     return dict(

@@ -21,6 +21,7 @@ class Scenery(Settings):
 
     streets: Share  # in towns, with vehicles
     highways: Share = 0.0  # of those outside towns
+    bare: Share = 0.0  # of those outside towns that are no highways, without lines
     both_ways: Share = 0.0  # of drawn roads without lines, for both ways: the lane is the half with the car
     snow: Share = 0.0  # of those outside towns that are no highways, under trodden snow
     seams: Share = 0.0  # with tar seams along the road

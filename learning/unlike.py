@@ -3,7 +3,7 @@
 The features of an image are the means of the channels after each convolution, of unit length for each convolution.
 Their distance is 1 - cos to the k-th nearest of the features of some training images (Sun et al.,
 Out-of-Distribution Detection with Deep Nearest Neighbors, ICML 2022). The graph holds these features and gives the
-distance as its last output ``unlike`` (n,). Needs onnx (extra ``[train]``).
+distance as its output ``unlike`` (n,). Needs onnx (extra ``[train]``).
 """
 
 from pathlib import Path
@@ -45,7 +45,7 @@ def attach(
     import onnx
 
     model = onnx.load(path)
-    detach(model)
+    detach(model, OUTPUT)
     features = _add_features(model)
     onnx.checker.check_model(model)
     chosen = np.linspace(0, len(images) - 1, min(REFERENCES, len(images))).astype(int)
@@ -61,25 +61,32 @@ def attach(
         )
         border = _constant(model, "border", np.array(max(spread, 1e-6), np.float32))
         _add_node(model, "Div", [f"{OUTPUT}_distance", border], OUTPUT)
-    model.graph.output.append(onnx.helper.make_tensor_value_info(OUTPUT, onnx.TensorProto.FLOAT, ["n"]))
+    add_output(model, OUTPUT, ["n"])
     onnx.checker.check_model(model)
     onnx.save(model, path)
 
 
-def detach(model: "onnx.ModelProto") -> None:
-    """Remove the output ``unlike`` of an earlier call and all that only it needs."""
+def detach(model: "onnx.ModelProto", output: str) -> None:
+    """Remove the ``output`` of an earlier call and all that only it needs, which has names that begin with it."""
     graph = model.graph
     for kept in (graph.node, graph.initializer):
-        for one in [one for one in kept if one.name.startswith(OUTPUT)]:
+        for one in [one for one in kept if one.name.startswith(output)]:
             kept.remove(one)
-    for one in [one for one in graph.output if one.name == OUTPUT]:
+    for one in [one for one in graph.output if one.name == output]:
         graph.output.remove(one)
+
+
+def add_output(model: "onnx.ModelProto", name: str, shape: list[str | int] | None) -> None:
+    """Make the tensor ``name`` an output of the network, of a known ``shape`` or of any."""
+    import onnx
+
+    model.graph.output.append(onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, shape))
 
 
 def _add_features(model: "onnx.ModelProto") -> str:
     """Add the features to the graph; the name of their tensor (n, channels)."""
-    found = _activations(model, "Conv")
-    after = found or _activations(model, "Gemm")  # a network without convolutions
+    found = activations(model, "Conv")
+    after = found or activations(model, "Gemm")  # a network without convolutions
     layers = [f"{OUTPUT}_layer_{number}" for number in range(len(after))]
     for activation, layer in zip(after, layers, strict=True):
         pooled = activation
@@ -92,13 +99,16 @@ def _add_features(model: "onnx.ModelProto") -> str:
     return f"{OUTPUT}_features"
 
 
-def _activations(model: "onnx.ModelProto", kind: str) -> list[str]:
-    """Tensors of the activations after the last MOST_LAYERS operations of ``kind``."""
+def activations(model: "onnx.ModelProto", kind: str) -> list[str]:
+    """Tensors of the activations after the last MOST_LAYERS operations of ``kind``; not those of added outputs."""
+    added = tuple(f"{output.name}_" for output in model.graph.output)
     made_by = {name: node.op_type for node in model.graph.node for name in node.output}
     found = [
         node.output[0]
         for node in model.graph.node
-        if node.op_type in ACTIVATIONS and made_by.get(node.input[0]) == kind
+        if node.op_type in ACTIVATIONS
+        and made_by.get(node.input[0]) == kind
+        and not node.name.startswith(added)
     ]
     return [_rounded_tensor(model, name) for name in found[-MOST_LAYERS:]]
 
@@ -119,7 +129,7 @@ def _run(
 
     shown = onnx.ModelProto()
     shown.CopyFrom(model)
-    shown.graph.output.append(onnx.helper.make_tensor_value_info(tensor, onnx.TensorProto.FLOAT, None))
+    add_output(shown, tensor, None)
     session = session_of(shown.SerializeToString())
     sizes = {one.name: one.shape[1:] for one in session.get_inputs() if one.name != IMAGE}
 

@@ -50,6 +50,21 @@ class Crop(Settings):
     height_px: Count
 
 
+class CarriagewayRecipe(Settings):
+    """Section ``carriageway``: frames, training and size of the branch that measures roads without lines."""
+
+    frames: Count
+    frames_per_road: Count
+    bare: Share
+    both_ways: Share
+    epochs: Count
+    learning_rate: Positive
+    channels: Count
+    hidden: Count
+    dropout: Share
+    augmentation: Augmentation
+
+
 class Recipe(Settings):
     """``config/train.yaml``."""
 
@@ -74,6 +89,7 @@ class Recipe(Settings):
     mounts: Mounts
     augmentation: Augmentation
     self_training: SelfTraining
+    carriageway: CarriagewayRecipe | None = None  # not in files of 1.0
 
 
 @dataclass(slots=True)

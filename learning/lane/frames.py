@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from learning.drawn_frames import LaneSample, lane_at, road_samples
+from learning.drawn_frames import LaneSample, carriageway_at, lane_at, road_samples
 from learning.lane.scores import LabelledFrames
 from learning.rendered import Part, Report, render_roads
 from learning.roadside import OPEN_COUNTRY, Scenery
@@ -148,6 +148,7 @@ def circuit_frames(
             lane=lane_at(road, station_m, offset_m, heading, ahead_m=shot.lookahead_m),
             lane_width_m=road.width_at(station_m),
             visible=True,
+            carriageway=carriageway_at(road, station_m),
         )
         sections[road.section_at(station_m).name].append(frame)
     return {section: shot.label_frames(frames) for section, frames in sections.items()}

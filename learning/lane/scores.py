@@ -56,7 +56,7 @@ class Prediction:
 
 def predict(network: Network, images: Image, task: PursuitTask) -> Prediction:
     """The network's outputs for all ``images``."""
-    lanes, sigmas, visible, _ = outputs(network, images)
+    lanes, sigmas, visible = outputs(network, images)[:3]
     return Prediction(lanes, task.wheelbase_m * sigmas.astype(float), visible.astype(float))
 
 

@@ -14,7 +14,7 @@ from learning.drawn_frames import UNMARKED_WIDTH_M, WIDTH_M
 from learning.lane.frames import TrainingShot, circuit_frames, mounted_frames, random_frames
 from learning.lane.scores import LabelledFrames, PursuitTask, calibrate, nonsense_shares, predict, scores
 from learning.lane.world import add_world, limits
-from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say, ship
+from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say
 from perception.lane.settings import steering_settings
 from perception.net.canonical import crop_camera
 from perception.net.steer_net import Calibration, Network, SteerNetRecord
@@ -83,12 +83,15 @@ def run(
     resume: bool,
 ) -> SteerNetRecord:
     """Render, fit, export and score; writes ``folder``/steer_net.onnx and steer_net.json. Raises InputError."""
+    from learning.lane.carriageway import PARAMETERS, add_carriageway, ship_scored
     from learning.lane.fit import largest_difference
     from learning.lane.fit import train as fit
     from learning.lane.network import export
     from learning.lane.unlabelled import read_drives
 
     started_s = time.monotonic()
+    if recipe.carriageway is None:
+        raise InputError(f"{CONFIG_DIR / 'train.yaml'}: the section carriageway is missing")
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     canonical = crop_camera(camera, **recipe.crop.model_dump())
     drives = read_drives(
@@ -128,6 +131,7 @@ def run(
     fresh = out / "steer_net.onnx"
     export(network, fresh)
     others = add_world(fresh, mounted, seed=recipe.seed, folder=out, reuse=resume)
+    branch = add_carriageway(fresh, recipe, mounted, folder=out, reuse=resume)
     exported = Network(fresh)
     difference = largest_difference(network, exported, np.array(data["test"].images[:256]))
     if not difference <= MAX_EXPORT_DIFFERENCE:  # NaN is not
@@ -162,11 +166,11 @@ def run(
             fit_minutes=round(progress.elapsed_s / 60, 1),
             minutes=round((time.monotonic() - started_s) / 60, 1),
             largest_export_difference=difference,
-        ),
+        )
+        | {PARAMETERS: float(branch)},
         scores=measured,
     )
-    ship(fresh, record, folder)
-    return record
+    return ship_scored(fresh, record, folder)
 
 
 def seen_widths_m(factor: float) -> tuple[float, float]:

@@ -15,7 +15,7 @@ import typer
 
 from learning.lane.frames import Mounts, TrainingShot, random_frames
 from learning.lane.scores import outputs
-from learning.rendered import SHIPPED, WeightsFolder, origin, say, ship
+from learning.rendered import SHIPPED, WeightsFolder, origin, run_alone, say, ship
 from learning.roadside import Scenery
 from learning.unlike import attach
 from perception.net.session import load_record
@@ -45,7 +45,7 @@ def add_world(path: Path, shot: TrainingShot, *, seed: int, folder: Path, reuse:
 
 def limits(network: Network, images: Image, calibration: Calibration, *, wheelbase_m: float) -> World:
     """The limits of the world of a network, from those of ``images`` in which it is confident of its lane."""
-    _, sigmas_1pm, visible, unlike = outputs(network, images)
+    _, sigmas_1pm, visible, unlike, _ = outputs(network, images)
     confidence = visible * np.array([calibration.probability(wheelbase_m * sigma) for sigma in sigmas_1pm])
     near = float(np.quantile(unlike[confidence > SURE], NEAR_QUANTILE))
     return World(near=round(near, 5), far=round(FAR_SHARE * near, 5))
@@ -77,4 +77,4 @@ def renew(
 
 
 if __name__ == "__main__":
-    typer.run(renew)
+    run_alone(renew)

@@ -20,7 +20,7 @@ from learning.dataset.dataset import Dataset
 from learning.training.calibrate import COVERAGE, block_quantile, error_scores, speed_scores
 from learning.training.export import METADATA, describe
 from learning.training.frames import Frames, read_frames, share_of
-from learning.unlike import attach, detach
+from learning.unlike import OUTPUT, attach, detach
 from perception.net.driver import DriverNetwork
 from trepid.config import InputError
 from trepid.files.whole import write_whole
@@ -124,7 +124,7 @@ def _convert(source: Path, small: Path, train: Frames) -> None:
             return None if image is None else {"image": image}
 
     model = onnx.load(source)
-    detach(model)
+    detach(model, OUTPUT)
     bare, prepared = small.with_name("bare.onnx"), small.with_name("prepared.onnx")
     onnx.save(model, bare)
     quant_pre_process(str(bare), str(prepared), skip_symbolic_shape=True)

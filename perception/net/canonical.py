@@ -36,10 +36,8 @@ def row_of_lane(lane: Lane, width_m: float, lookahead_m: float) -> Floats:
 
 def scale_lane(lane: Lane, scale: float) -> Lane:
     """The lane in a world that is ``scale`` times larger."""
-    offset_m, heading_rad, curvature_1pm, rate_1pm2, lookahead_m = lane
-    return Lane(
-        offset_m * scale, heading_rad, curvature_1pm / scale, rate_1pm2 / scale**2, lookahead_m * scale
-    )
+    offset_m, heading_rad, curvature_1pm, rate_1pm2, ahead_m = lane
+    return Lane(offset_m * scale, heading_rad, curvature_1pm / scale, rate_1pm2 / scale**2, ahead_m * scale)
 
 
 def crop_camera(camera: Camera, *, top_px: int, bottom_px: int, width_px: int, height_px: int) -> Camera:
@@ -52,12 +50,10 @@ class CanonicalView:
     """Warps images of one camera into the canonical camera and lane states back. Its map is computed once."""
 
     def __init__(self, camera: Camera, canonical: Camera) -> None:
-        self.camera = camera
-        self.canonical = canonical
+        self.camera, self.canonical = camera, canonical
         fine = canonical.resize(SUPERSAMPLE * canonical.width_px, SUPERSAMPLE * canonical.height_px)
-        shrink = max(1, int(camera.fx_px / fine.fx_px))
+        self._shrink = shrink = max(1, int(camera.fx_px / fine.fx_px))
         self._size = (camera.width_px // shrink, camera.height_px // shrink)
-        self._shrink = shrink
         source = camera.resize(*self._size)
         self._map, self._fractions = cv2.initUndistortRectifyMap(
             source.intrinsics,

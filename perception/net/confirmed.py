@@ -47,8 +47,7 @@ class ConfirmedNet:
         share = apart(found, seen, frame.image.shape[0])
         confidence = found.confidence * seen.confidence * agreement_degree(share)
         reason = UNCONFIRMED if confidence < found.confidence / 2 else ""
-        found = replace(found, confidence=confidence, reason=reason)
-        return with_camera_doubt(found, self._witness.belief)
+        return with_camera_doubt(replace(found, confidence=confidence, reason=reason), self._witness.belief)
 
 
 def agreement_degree(share: float | None) -> float:

@@ -29,7 +29,11 @@ from trepid.messages import SIGMA_AHEAD_M, Frame, SteeringEstimate, VehicleState
 from trepid.types import Image, Positive, Share
 
 NAME = "cnn"
-OUTPUTS = ("lane", "command_sigma_1pm", "visible", "unlike")
+OUTPUTS = ("lane", "command_sigma_1pm", "visible", "unlike", "carriageway")
+UNSURE = "the network detects a road, but the confidence of its lane is too low"
+BETWEEN_WAYS = "the lane of the network lies in the middle of a road for both ways"
+BARE = 0.7, 0.9  # probabilities of "no lines" that count not at all and in full: snow hides lines
+IN_MIDDLE = 1 / 10, 1 / 6  # distances from it, as shares of the road; the middle of one half lies at 1/4
 
 
 class SteerNetSettings(Settings):
@@ -38,18 +42,26 @@ class SteerNetSettings(Settings):
     weights: str
     min_visible: Share
     lane_width_m: tuple[Positive, Positive, Positive, Positive]
+    both_ways_m: tuple[Positive, Positive, Positive, Positive] = (5.0, 5.4, 7.6, 8.2)
 
     def width_share(self, width_m: float) -> float:
         """1 for the width of a lane, 0 for one that no lane has, linear between."""
-        least_m, narrow_m, wide_m, most_m = self.lane_width_m
-        return max(
-            0.0, min(1.0, (width_m - least_m) / (narrow_m - least_m), (most_m - width_m) / (most_m - wide_m))
-        )
+        return float(np.interp(width_m, self.lane_width_m, (0, 1, 1, 0)))
+
+    def middle_share(self, width_m: float, aside_share: float, bare: float) -> float:
+        """1 for a lane in the middle of a road for both ways without lines, 0 on another road or in its half.
+
+        ``width_m``: of the road; ``aside_share``: distance of the lane from its middle, as a share of the width;
+        ``bare``: probability that the road has no lines.
+        """
+        both = np.interp(width_m, self.both_ways_m, (0, 1, 1, 0))
+        return float(both * np.interp(aside_share, IN_MIDDLE, (1, 0)) * np.interp(bare, BARE, (0, 1)))
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
-        if not all(one < other for one, other in pairwise(self.lane_width_m)):
-            raise ValueError("lane_width_m: expected four increasing widths")
+        for name in ("lane_width_m", "both_ways_m"):
+            if not all(one < other for one, other in pairwise(getattr(self, name))):
+                raise ValueError(f"{name}: expected increasing widths")
         return self
 
 
@@ -78,18 +90,18 @@ class World(Settings):
 
     def share(self, distance: float) -> float:
         """1 within the world, 0 outside, linear between."""
-        return max(0.0, min(1.0, (self.far - distance) / (self.far - self.near)))
+        return float(np.interp(distance, (self.near, self.far), (1, 0)))
 
 
 class Outputs(NamedTuple):
     """Outputs of the network for n images."""
 
-    lanes: NDArray[
-        np.float32
-    ]  # (n, 5): offset [m], heading [rad], curvature at the axle and at ``lane_lookahead_m``, width [m]
+    # (n, 5): offset [m], heading [rad], curvature at the axle and at ``lane_lookahead_m``, width [m]
+    lanes: NDArray[np.float32]
     command_sigma_1pm: NDArray[np.float32]  # (n,): standard deviation of κ_cmd
     visible: NDArray[np.float32]  # (n,): probability of a road
     unlike: NDArray[np.float32]  # (n,): distance from the images of training, 0 to 1
+    carriageway: NDArray[np.float32]  # (n, 3): offset from its middle and width [m], share of "no lines"
 
 
 class SteerNetRecord(WeightsRecord):
@@ -144,11 +156,12 @@ class Network:
         if not path.is_file():
             raise InputError(f"{path}: no weights of the CNN estimator; `trepid train-lane` makes them")
         self._session = open_session(path)
-        numbers = {output.name: output.shape[-1] for output in self._session.get_outputs()}.get("lane")
-        if numbers != len(MIRRORED):
-            raise InputError(
-                f"{path}: its lane has {numbers} numbers, not {len(MIRRORED)}; `trepid train-lane` makes another"
-            )
+        numbers = {output.name: output.shape[-1] for output in self._session.get_outputs()}
+        faults = [f"has no output {name!r}" for name in OUTPUTS if name not in numbers]
+        if numbers.get("lane", len(MIRRORED)) != len(MIRRORED):
+            faults = [f"its lane has {numbers['lane']} numbers, not {len(MIRRORED)}"]
+        if faults:
+            raise InputError(f"{path}: {faults[0]}; `trepid train-lane` makes another")
 
     def __call__(self, images: Image) -> Outputs:
         """Of images (n, height, width, 3)."""
@@ -167,16 +180,15 @@ class SteerNet:
         """
         weights = resource(Path(settings.weights))
         self._settings, self._steering = settings, steering_settings()
-        self._vehicle = vehicle
-        self._assumed = assumed
+        self._vehicle, self._assumed = vehicle, assumed
         self._network = Network(weights)
         self._record = load_record(weights, SteerNetRecord)
         self._view = CanonicalView(camera, self._record.camera)
         self._shape = (camera.height_px, camera.width_px, 3)
         grey = self._view.image(np.full(self._shape, 128, np.uint8))[None]
-        lanes = first_run(weights, lambda: self._network(grey), tuple).lanes
-        if lanes.shape != (1, len(MIRRORED)):
-            raise InputError(f"{weights}: its lane of one picture has the shape {lanes.shape}")
+        first = first_run(weights, lambda: self._network(grey), tuple)
+        if (first.lanes.shape, first.carriageway.shape) != ((1, len(MIRRORED)), (1, 3)):
+            raise InputError(f"{weights}: of one picture its lane has the shape {first.lanes.shape}")
 
     def through(self, camera: Camera) -> "SteerNet":
         """The same network for another camera of images of the same size."""
@@ -202,19 +214,25 @@ class SteerNet:
 
     def _confidence(self, found: Outputs, sigma_1pm: float, width_m: float) -> tuple[float, str]:
         """The confidence of the lane of one image, and why there is no lane; "" if there is one."""
-        visible = float(found.visible[0])
+        visible, world = float(found.visible[0]), self._record.world.share(float(found.unlike[0]))
         if visible < self._settings.min_visible:
             return 0.0, "the network detects no road"
-        world = self._record.world.share(float(found.unlike[0]))
         if world == 0.0:
             return 0.0, "the image is unlike those of the training of the network"
         width = 1.0 if self._assumed else self._settings.width_share(width_m / self._vehicle.scale)
         if width == 0.0:
             return 0.0, f"the lane of the network is {width_m:.1f} m wide"
-        confidence = world * width * visible * self._probability(sigma_1pm)
+        middle = 0.0 if self._assumed else self._in_middle(found)
+        confidence = world * width * visible * (1.0 - middle) * self._probability(sigma_1pm)
         if confidence < self._steering.min_confidence:
-            return 0.0, "the network detects a road, but the confidence of its lane is too low"
+            return 0.0, UNSURE if middle < 0.5 else BETWEEN_WAYS
         return confidence, ""
+
+    def _in_middle(self, found: Outputs) -> float:
+        """Probability that the lane lies in the middle of a road for both ways without lines."""
+        offset_m, width_m, bare = found.carriageway[0].tolist()
+        aside_m, scale = abs(float(found.lanes[0, 0]) - offset_m), self._view.scale / self._vehicle.scale
+        return self._settings.middle_share(width_m * scale, aside_m / max(width_m, 1e-3), bare)
 
     def _probability(self, command_sigma_1pm: float) -> float:
         """Calibrated probability for δ = atan(L·κ_cmd), with σ_δ ≈ L·σ_κ (its largest value, straight ahead).

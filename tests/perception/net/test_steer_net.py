@@ -13,7 +13,15 @@ from net_rig import CAMERA, SETTINGS, VEHICLE, measurements, step
 
 from perception.lane.settings import steering_settings
 from perception.net.session import load_record
-from perception.net.steer_net import Network, SteerNet, SteerNetRecord, SteerNetSettings, World, ahead_sigma_m
+from perception.net.steer_net import (
+    Network,
+    Outputs,
+    SteerNet,
+    SteerNetRecord,
+    SteerNetSettings,
+    World,
+    ahead_sigma_m,
+)
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.drawn import UNMARKED, MarkingKind, random_section
@@ -22,6 +30,7 @@ from trepid.config import ROOT, InputError
 from trepid.messages import SIGMA_AHEAD_M
 
 WEIGHTS = ROOT / SETTINGS.weights
+NARROW = np.array([[0.0, 0.0, 0.0, 0.0, 2.6]], np.float32)  # a lane: 3.9 m wide from 1.5 times the height
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +118,8 @@ def test_the_record_contains_training_and_scores_of_the_shipped_weights():
     assert record.sha256 == hashlib.sha256(WEIGHTS.read_bytes()).hexdigest()
     assert record.command.startswith("trepid train-lane") and record.date and record.versions["torch"]
     assert record.recipe["seed"] is not None and record.scores["test_roads"]["road_wheel_angle_deg"] > 0
-    assert record.parameters <= 300_000 and WEIGHTS.stat().st_size <= 2_000_000
+    weights = record.parameters + record.training["carriageway_parameters"]
+    assert weights <= 300_000 and WEIGHTS.stat().st_size <= 2_000_000
 
 
 def test_the_deviation_of_the_lane_is_that_of_the_arc_at_the_look_ahead_and_never_smaller_elsewhere():
@@ -149,20 +159,21 @@ def test_the_confidence_depends_on_a_width_that_lanes_have(width_m: float, share
     assert SETTINGS.width_share(width_m) == pytest.approx(share)
 
 
+def road_for_both_ways(kind: MarkingKind, half_m: float, *, seed: int) -> Road:
+    """A straight road without lines, of two halves of ``half_m``."""
+    section = random_section(kind, np.random.default_rng(seed)).model_copy(update={"paved_left_m": half_m})
+    straight = (Segment(length_m=120.0, curvature_1pm=0.0),)
+    return Road(
+        RoadSettings(name="halves", closed=False, lane_width_m=half_m, segments=straight, sections=(section,))
+    )
+
+
 @pytest.mark.parametrize("kind", sorted(UNMARKED))
 @pytest.mark.parametrize("half_m", [2.8, 3.1, 3.4])
 def test_in_its_half_of_a_road_for_both_ways_without_a_line_the_network_is_right_and_sure(
     net: SteerNet, half_m: float, kind: MarkingKind
 ):
-    section = random_section(kind, np.random.default_rng(5)).model_copy(update={"paved_left_m": half_m})
-    settings = RoadSettings(
-        name="halves",
-        closed=False,
-        lane_width_m=half_m,
-        segments=(Segment(length_m=120.0, curvature_1pm=0.0),),
-        sections=(section,),
-    )
-    road = Road(settings)
+    road = road_for_both_ways(kind, half_m, seed=5)
     for offset_m in (-0.2, 0.0, 0.2):
         place = road.position(20.0, offset_m)
         seen = step(net, Renderer(road, CAMERA, seed=3).render(*place, 0.0, t_s=0.0, station_m=20.0))
@@ -214,9 +225,65 @@ def test_through_another_camera_it_is_the_network_of_that_camera():
     assert step(network, image) == before
 
 
-def test_widths_of_lanes_have_to_increase():
-    with pytest.raises(ValueError, match="four increasing widths"):
-        SteerNetSettings.model_validate(SETTINGS.model_dump() | {"lane_width_m": [2.0, 3.0, 3.0, 4.0]})
+@pytest.mark.parametrize(
+    "wrong", [{"lane_width_m": [2.0, 3.0, 3.0, 4.0]}, {"both_ways_m": [5.0, 4.0, 7.0, 8.0]}]
+)
+def test_widths_have_to_increase(wrong: dict[str, list[float]]):
+    with pytest.raises(ValueError, match=f"{next(iter(wrong))}: expected increasing widths"):
+        SteerNetSettings.model_validate(SETTINGS.model_dump() | wrong)
+
+
+@pytest.mark.parametrize("kind", sorted(UNMARKED))
+@pytest.mark.parametrize("half_m", [2.8, 3.1, 3.4])
+def test_in_the_middle_of_a_road_for_both_ways_without_a_line_the_network_is_not_sure(
+    net: SteerNet, half_m: float, kind: MarkingKind
+):
+    road = road_for_both_ways(kind, half_m, seed=8)
+    for offset_m in (half_m / 2 - 0.2, half_m / 2, half_m / 2 + 0.2):
+        place = road.position(20.0, offset_m)
+        seen = step(net, Renderer(road, CAMERA, seed=4).render(*place, 0.0, t_s=0.0, station_m=20.0))
+        assert seen.confidence < 0.5
+
+
+def road_of(width_m: float, offset_m: float, *, bare: float = 1.0) -> Outputs:
+    """A sure lane about the car, on a road of ``width_m`` whose middle is ``offset_m`` to its right."""
+    ones = np.ones(1, np.float32)
+    lane = np.array([[0.0, 0.0, 0.0, 0.0, 3.3]], np.float32)
+    return Outputs(lane, 1e-4 * ones, ones, 0 * ones, np.array([[offset_m, width_m, bare]], np.float32))
+
+
+@pytest.mark.parametrize(
+    ("road", "sure"),
+    [
+        (road_of(6.0, 0.0), False),
+        (road_of(6.0, 0.5), False),
+        (road_of(6.0, 1.5), True),  # in its half
+        (road_of(6.0, -1.5), True),
+        (road_of(4.0, 0.0), True),  # one lane
+        (road_of(9.0, 0.0), True),  # the mouth of a side road
+        (road_of(6.0, 0.0, bare=0.0), True),  # between lines
+    ],
+)
+def test_a_lane_in_the_middle_of_a_road_without_lines_is_none_where_the_road_has_two(
+    monkeypatch: pytest.MonkeyPatch, road: Outputs, sure: bool
+):
+    net = SteerNet(SETTINGS, CAMERA, VEHICLE)
+    monkeypatch.setattr(net, "_network", lambda images: road)
+    seen = step(net, np.full((240, 320, 3), 90, np.uint8))
+    assert (seen.confidence > 0.9) is sure
+    if not sure:
+        assert seen.confidence == 0 and "middle of a road for both ways" in seen.reason
+
+
+def test_the_width_of_a_road_is_that_in_the_world_of_the_camera(monkeypatch: pytest.MonkeyPatch):
+    high = CAMERA.model_copy(update=dict(height_m=1.5 * CAMERA.height_m))
+    image = np.full((240, 320, 3), 90, np.uint8)
+    found = []
+    for camera, assumed in ((CAMERA, False), (high, False), (high, True)):
+        net = SteerNet(SETTINGS, camera, VEHICLE, assumed=assumed)
+        monkeypatch.setattr(net, "_network", lambda images: road_of(4.0, 0.0)._replace(lanes=NARROW))
+        found.append(step(net, image).confidence > 0.5)
+    assert found == [True, False, True]  # 4 m, 6 m, of a height that is not known
 
 
 def test_outside_its_world_the_network_gives_no_estimate_and_the_reason(tmp_path: Path):

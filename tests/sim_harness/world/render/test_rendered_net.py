@@ -87,10 +87,16 @@ def test_confidence_falls_to_zero_as_the_road_fades(net, drive, kind):
     assert confidence[0] > confidence[1] > confidence[2] == 0
 
 
-@pytest.mark.parametrize("output", range(4))
+@pytest.mark.parametrize("output", range(5))
 def test_an_output_that_is_not_finite_is_no_estimate(net, drive, monkeypatch, output):
     ones = np.ones(1, np.float32)
-    outputs = [np.array([[0, 0, 0, 0, 3.3]], np.float32), 0.01 * ones, ones, 0.01 * ones]
+    outputs = [
+        np.array([[0, 0, 0, 0, 3.3]], np.float32),
+        0.01 * ones,
+        ones,
+        0.01 * ones,
+        np.ones((1, 3), np.float32),
+    ]
     outputs[output] = outputs[output] * np.float32("nan")
     monkeypatch.setattr(net, "_network", lambda images: Outputs(*outputs))
     estimate = net.step(drive[0][0], None, now_s=0.0)
