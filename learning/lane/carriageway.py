@@ -29,10 +29,11 @@ from learning.lane.augment import Augmenter
 from learning.lane.fit import EVALUATION_BATCH, CarriagewayRecipe, Recipe
 from learning.lane.frames import TrainingShot, random_frames
 from learning.lane.scores import LabelledFrames
+from learning.lane.world import SURE, shipped_network
 from learning.rendered import SHIPPED, WeightsFolder, origin, run_alone, say, ship
 from learning.unlike import activations, add_output, detach
 from perception.net.canonical import MIRRORED, CanonicalView, row_of_lane
-from perception.net.session import load_record, session_of
+from perception.net.session import session_of
 from perception.net.steer_net import SteerNet, SteerNetRecord, SteerNetSettings
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.drawn import UNMARKED, MarkingKind
@@ -47,7 +48,6 @@ OUTPUT, FEATURES, PARAMETERS = "carriageway", "features", "carriageway_parameter
 LAYER = 2  # convolutions of the lane network before the branch
 OFFSET, WIDTH = 0, 4  # in the row of a lane
 LEAST_SPREAD = 0.05  # where all roads have the same width
-SURE = 0.5
 ROADS, STATIONS_M = 40, (5.0, 20.0, 35.0, 50.0, 65.0)  # of the scores
 HALF_WIDTH_M, LANE_WIDTH_M = (2.8, 3.4), (3.4, 4.6)  # ... their halves, and the roads with one lane
 NO_ROAD_M = 1e3, 2e3, 3e3, 4e3  # no road is as wide
@@ -293,10 +293,7 @@ def renew(
     resume: Annotated[bool, typer.Option("--resume", help="Use the frames of an earlier call.")] = False,
 ) -> None:
     """Renew the branch of the carriageway in the weights of the CNN estimator."""
-    shipped = weights / "steer_net.onnx"
-    if not shipped.is_file():
-        raise InputError(f"{shipped}: no weights; `trepid train-lane` makes them")
-    record, recipe = load_record(shipped, SteerNetRecord), load(CONFIG_DIR / "train.yaml", Recipe)
+    (shipped, record), recipe = shipped_network(weights), load(CONFIG_DIR / "train.yaml", Recipe)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     shot = TrainingShot(
         camera, record.camera, record.lane_lookahead_m, recipe.frames_per_road, mounts=recipe.mounts

@@ -51,16 +51,21 @@ def limits(network: Network, images: Image, calibration: Calibration, *, wheelba
     return World(near=round(near, 5), far=round(FAR_SHARE * near, 5))
 
 
+def shipped_network(weights: Path) -> tuple[Path, SteerNetRecord]:
+    """The lane network of the folder ``weights`` and its record. Raises InputError where there is none."""
+    shipped = weights / "steer_net.onnx"
+    if not shipped.is_file():
+        raise InputError(f"{shipped}: no weights; `trepid train-lane` makes them")
+    return shipped, load_record(shipped, SteerNetRecord)
+
+
 def renew(
     out: Annotated[Path, typer.Option(help="Folder for frames.")] = Path("out/train"),
     weights: WeightsFolder = SHIPPED,
     resume: Annotated[bool, typer.Option("--resume", help="Use the frames of an earlier call.")] = False,
 ) -> None:
     """Renew the world of the weights of the CNN estimator."""
-    shipped = weights / "steer_net.onnx"
-    if not shipped.is_file():
-        raise InputError(f"{shipped}: no weights; `trepid train-lane` makes them")
-    record = load_record(shipped, SteerNetRecord)
+    shipped, record = shipped_network(weights)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     scenery = Scenery.model_validate(record.recipe["scenery"])
     mounts = Mounts.model_validate(record.recipe["mounts"])
